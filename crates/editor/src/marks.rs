@@ -8,6 +8,7 @@ use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::Sampler;
 use clerestory_transport::scene::SceneNode;
+use glam::UVec2;
 use rayon::prelude::*;
 
 use crate::session::views::sees_alike;
@@ -175,11 +176,10 @@ impl Marks {
 
     /// The corners between which they lie, as shares of the picture's width and height; none if none is marked.
     pub fn corners(&self) -> Option<[[f32; 2]; 2]> {
-        let places = || self.pixels.iter().map(|pixel| (pixel % self.film.width, pixel / self.film.width));
-        let (left, right) = (places().map(|(x, _)| x).min()?, places().map(|(x, _)| x).max()?);
-        let (top, bottom) = (places().map(|(_, y)| y).min()?, places().map(|(_, y)| y).max()?);
-        let share = |x: u32, y: u32| [x as f32 / self.film.width as f32, y as f32 / self.film.height as f32];
-        Some([share(left, top), share(right + 1, bottom + 1)])
+        let places = self.pixels.iter().map(|pixel| UVec2::new(pixel % self.film.width, pixel / self.film.width));
+        let (low, high) = places.map(|at| (at, at)).reduce(|(low, high), (at, _)| (low.min(at), high.max(at)))?;
+        let share = |at: UVec2| (at.as_vec2() / UVec2::new(self.film.width, self.film.height).as_vec2()).to_array();
+        Some([share(low), share(high + 1)])
     }
 
     /// Whether none is marked.

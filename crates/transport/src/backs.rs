@@ -37,7 +37,7 @@ impl PreparedScene {
             "the camera `{}` looks at the back of `{}`: {:.0} % of the picture are backs of single-sided surfaces, which glTF \
              viewers do not show and which stop light here; turn them round, or see them from their front",
             camera.name,
-            self.scene.node_name(node),
+            self.scene.nodes[node as usize].key(),
             100.0 * share
         ))
     }

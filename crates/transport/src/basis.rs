@@ -122,6 +122,11 @@ pub struct LightSource {
 }
 
 impl LightSource {
+    /// White, of strength 1 and of no node.
+    pub fn plain(key: impl Into<String>, kind: SourceKind, columns: Range<u32>) -> LightSource {
+        LightSource { key: key.into(), kind, columns, color: Vec3::ONE, strength: 1.0, origin: LightOrigin::default() }
+    }
+
     /// Whether lights are the same. How bright unlit surfaces are is reckoned from the light of the file, on another machine maybe with
     /// other rounding: that counts for nothing.
     pub fn are_alike(a: &[LightSource], b: &[LightSource]) -> bool {

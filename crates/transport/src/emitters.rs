@@ -416,20 +416,11 @@ fn add_sky_and_constant(scene: &Scene, sky: Option<&SkyRequest>, found: &mut Fou
         add_sky(sky, &mut keys, found);
     } else if found.is_empty() {
         warnings.push("the scene has no light; a uniform sky of 1 nit lights it".into());
-        let source = LightSource {
-            key: keys.key(Some("sky"), 0),
-            kind: SourceKind::Sky,
-            columns: 0..1,
-            color: Vec3::ONE,
-            strength: 1.0,
-            origin: LightOrigin::default(),
-        };
+        let source = LightSource::plain(keys.key(Some("sky"), 0), SourceKind::Sky, 0..1);
         found.push((source, Emitter::Sky));
     }
     if scene.mesh.triangle_material.iter().any(|&m| scene.materials[m as usize].unlit) {
-        let kind = SourceKind::Constant;
-        let (key, origin) = (keys.key(Some("unlit"), 0), LightOrigin::default());
-        let source = LightSource { key, kind, columns: 0..1, color: Vec3::ONE, strength: 1.0, origin };
+        let source = LightSource::plain(keys.key(Some("unlit"), 0), SourceKind::Constant, 0..1);
         found.push((source, Emitter::Constant));
     }
 }

@@ -27,7 +27,7 @@ pub(crate) fn warnings(scene: &PreparedScene) -> Vec<String> {
             "light `{}` is closed in by `{}`, so that it lights nothing around: make that glass or leave it open, or put the lamp \
              outside of it",
             source.key,
-            scene.scene.node_name(node)
+            scene.scene.nodes[node as usize].key()
         ))
     });
     words.collect()

@@ -196,18 +196,19 @@ impl PreparedScene {
 
     /// Nearest surface along a ray that light meets; surfaces with alpha are there with their coverage as probability.
     pub fn closest(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
-        let nearest = self.solid.closest(ray);
-        self.nearer_sheer(self.sheer.as_deref(), ray, nearest, sampler).map(|hit| self.surface_hit(&hit))
+        self.nearest_lit(ray, sampler).map(|hit| self.surface_hit(&hit))
     }
 
     /// Nearest surface along a ray that a viewer looks along: the same, and unlit surfaces.
     pub fn closest_seen(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
-        if self.unlit.is_none() {
-            return self.closest(ray, sampler);
-        }
-        let nearest = self.solid.closest(ray);
-        let nearest = self.nearer_sheer(self.sheer.as_deref(), ray, nearest, sampler);
+        let nearest = self.nearest_lit(ray, sampler);
         self.nearer_sheer(self.unlit.as_deref(), ray, nearest, sampler).map(|hit| self.surface_hit(&hit))
+    }
+
+    /// The nearest triangle that light meets.
+    #[inline]
+    fn nearest_lit(&self, ray: &Ray, sampler: &mut Sampler) -> Option<Hit> {
+        self.nearer_sheer(self.sheer.as_deref(), ray, self.solid.closest(ray), sampler)
     }
 
     /// The nearest triangle before another one, or that. Those that are not there are passed one by one.

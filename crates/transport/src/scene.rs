@@ -165,15 +165,6 @@ pub struct Mesh {
     pub triangle_node: Vec<u32>,
 }
 
-impl Scene {
-    /// What a node is called, `node:INDEX` without a name.
-    pub(crate) fn node_name(&self, node: u32) -> String {
-        let node = &self.nodes[node as usize];
-        let name = node.name.clone().filter(|name| !name.is_empty());
-        name.unwrap_or_else(|| format!("node:{}", node.index))
-    }
-}
-
 impl Mesh {
     /// The three corners of a triangle in world space.
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {

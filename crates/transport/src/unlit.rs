@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::basis::SourceKind;
 use crate::camera::{Camera, Film};
+use crate::matrix::median;
 use crate::path::{Integrator, Scratch};
 use crate::plan::PicturePlan;
 use crate::prepared::PreparedScene;
@@ -58,11 +59,8 @@ fn paper_nit(scene: &PreparedScene, camera: &Camera) -> Option<f32> {
         crate::light::luminance(deposit.sum) / n_found.max(1) as f32
     };
     let places = (0..PLACES * PLACES).into_par_iter();
-    let mut lux: Vec<f32> =
-        places.map_init(Scratch::default, lux).filter(|lux| *lux > 0.0 && lux.is_finite()).collect();
-    lux.sort_by(f32::total_cmp);
-    let median = lux.get(lux.len() / 2)?;
-    Some(rounded(median / PI))
+    let lux: Vec<f32> = places.map_init(Scratch::default, lux).filter(|lux| *lux > 0.0 && lux.is_finite()).collect();
+    Some(rounded(median(lux.into_iter())? / PI))
 }
 
 /// In two digits.

@@ -263,21 +263,29 @@ impl App {
         self.look.rigs().any(|rig| rig.sky.is_some()).then(|| words.into())
     }
 
+    /// Says that the scene has not the floor of the look's work plane.
+    pub(super) fn missing_floor(&self) -> Option<String> {
+        self.look.missing_floor(&self.session.lamp_scene()?.scene)
+    }
+
     /// The scene is open, or was found, with what is chosen about it: the look says so, too, and is as saved as it was.
     pub(super) fn adopt_choice(&mut self) {
-        let source = self.session.opened.as_ref().and_then(|opened| opened.source.as_ref());
-        let work_plane = source.and_then(|source| self.choices.kept.plane_of(source));
+        let work_plane = self.session.source().and_then(|source| self.choices.kept.plane_of(source));
         let open = SceneChoice { work_plane, ..self.open_choice() };
         (self.choices.sky, self.choices.failed) = (self.open_sky().cloned(), None);
         for look in [&mut self.look, &mut self.saved_look] {
             look.scene = std::mem::take(&mut look.scene).or(&open);
         }
+        self.remember_work_plane();
+    }
+
+    fn remember_work_plane(&mut self) {
         self.choices.remembered = self.open_place().map(|scene| (scene, self.look.scene.work_plane.clone()));
     }
 
     /// Where the open scene lies.
     fn open_place(&self) -> Option<Option<PathBuf>> {
-        place(self.session.opened.as_ref()?.source.as_ref()?)
+        place(self.session.source()?)
     }
 
     /// The scene was prepared again for what was chosen.
@@ -312,7 +320,7 @@ impl App {
     /// comes without its columns is told, too.
     pub(super) fn heed_choice(&mut self) -> Vec<String> {
         let is_bake = self.session.opened.as_ref().is_some_and(|opened| opened.is_bake() || opened.scene.is_none());
-        let floor = self.session.lamp_scene().and_then(|scene| self.look.missing_floor(&scene.scene));
+        let floor = self.missing_floor();
         if !is_bake {
             let gets_sky = self.prepare_chosen() && self.wanted_choice().sky.is_some();
             return self.missing_sky().filter(|_| !gets_sky).into_iter().chain(floor).collect();
@@ -327,13 +335,11 @@ impl App {
         let asked = self.session.lamp_scene().zip(self.look.scene.work_plane.as_ref());
         self.choices.plane = asked.map(|(scene, choice)| {
             let last = known.as_ref().and_then(|known| known.plane?.floor);
-            let of = Arc::downgrade(scene);
-            let is_it = |known: &FoundPlane| known.choice == *choice && Weak::ptr_eq(&known.scene, &of);
-            let find = || choice.on(&scene.scene, last);
+            let is_it = |known: &FoundPlane| known.choice == *choice && known.scene.as_ptr() == Arc::as_ptr(scene);
             known.filter(is_it).unwrap_or_else(|| FoundPlane {
                 choice: choice.clone(),
-                plane: find(),
-                scene: of.clone(),
+                scene: Arc::downgrade(scene),
+                plane: choice.on(&scene.scene, last),
             })
         });
         self.settings.work_plane = self.choices.plane.as_ref().and_then(|found| found.plane);
@@ -342,10 +348,10 @@ impl App {
 
     /// The work plane of a bake that starts is remembered for its scene.
     pub(super) fn keep_work_plane(&mut self) {
-        if let Some(source) = self.session.opened.as_ref().and_then(|opened| opened.source.as_ref()) {
+        if let Some(source) = self.session.source() {
             self.choices.kept.keep_plane(source, self.look.scene.work_plane.clone());
         }
-        self.choices.remembered = self.open_place().map(|scene| (scene, self.look.scene.work_plane.clone()));
+        self.remember_work_plane();
     }
 
     /// One that is taken away is not remembered either, so that it does not come back with the scene.

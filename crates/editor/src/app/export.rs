@@ -80,7 +80,8 @@ impl App {
     /// Asks for a file where one is wanted.
     pub(super) fn question_ui(&mut self, ctx: &Context) {
         let Some(question) = &mut self.question else { return };
-        let view = self.session.shown.as_ref().map(|shown| ExportView {
+        let exports = matches!(question.task(), FileTask::Export | FileTask::ExportFrames);
+        let view = self.session.shown.as_ref().filter(|_| exports).map(|shown| ExportView {
             baked: [shown.header.width, shown.header.height],
             has_illuminance: shown.pixel_irradiance().is_some(),
             marked: self.view.marking.marks().and_then(|marks| marks.corners()),

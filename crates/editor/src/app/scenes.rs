@@ -56,8 +56,9 @@ impl App {
                 (self.settings.camera_idx, self.settings.film) = (own.camera_idx, own.film);
             }
         }
-        let floor = self.session.lamp_scene().and_then(|scene| self.look.missing_floor(&scene.scene));
-        floor.into_iter().for_each(|words| self.complain(words));
+        if let Some(words) = self.missing_floor() {
+            self.complain(words);
+        }
         let of_file = self.session.cameras().get(self.settings.camera_idx).cloned();
         let is_reloaded = reloading.is_some();
         self.camera.camera = reloading.and_then(|reloading| reloading.camera).or(of_file);

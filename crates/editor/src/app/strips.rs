@@ -111,10 +111,13 @@ impl App {
         let found = self.watched.changed.take();
         if let Some(known) = self.watched.of_look.iter_mut().find(|(path, _)| Some(path) == found.as_ref()) {
             *known = stamped(known.0.clone());
-            return match known.0.display().to_string() {
-                _ if found == self.sky_file() => self.read_sky_again(),
-                file if self.look.wishes.files().any(|own| own == file) => self.read_target_again(&file),
-                _ => self.read_profiles_again(),
+            let file = known.0.display().to_string();
+            return if found == self.sky_file() {
+                self.read_sky_again();
+            } else if self.look.wishes.files().any(|own| own == file) {
+                self.read_target_again(&file);
+            } else {
+                self.read_profiles_again();
             };
         }
         let Some(path) = self.session.opened.as_ref().and_then(|opened| opened.path.clone()) else { return };

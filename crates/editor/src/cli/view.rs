@@ -244,21 +244,13 @@ pub(crate) fn on_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T
 mod tests {
     use clerestory_transport::basis::{LightSource, SourceKind};
     use clerestory_transport::light::{LightRig, LightSetting};
-    use clerestory_transport::origin::LightOrigin;
     use glam::Vec3;
 
     use super::*;
 
     #[test]
     fn unlit_surfaces_are_no_light_that_is_on() {
-        let source = |key: &str, kind| LightSource {
-            key: key.into(),
-            kind,
-            columns: 0..1,
-            color: Vec3::ONE,
-            strength: 1.0,
-            origin: LightOrigin::default(),
-        };
+        let source = |key: &str, kind| LightSource::plain(key, kind, 0..1);
         let basis = LightBasis::new(vec![source("unlit", SourceKind::Constant), source("sky", SourceKind::Sky)]);
         let mut rig = LightRig::default();
         assert!(is_lit(&basis, &basis.project(&rig)));

@@ -113,22 +113,13 @@ impl LayerSet {
 mod tests {
     use clerestory_transport::basis::LightSource;
     use clerestory_transport::light::LightGroup;
-    use clerestory_transport::origin::LightOrigin;
-    use glam::Vec3;
 
     use super::*;
 
     fn basis() -> LightBasis {
         let source = |key: &str, kind, n_columns| {
             let columns = 0..n_columns;
-            LightSource {
-                key: key.into(),
-                kind,
-                columns,
-                color: Vec3::ONE,
-                strength: 1.0,
-                origin: LightOrigin::default(),
-            }
+            LightSource::plain(key, kind, columns)
         };
         LightBasis::new(vec![
             source("desk", SourceKind::Point, 1),

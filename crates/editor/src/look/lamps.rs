@@ -236,7 +236,6 @@ mod tests {
 
     use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
     use clerestory_transport::light::LightSetting;
-    use clerestory_transport::origin::LightOrigin;
 
     use super::*;
     use crate::look::Look;
@@ -353,14 +352,7 @@ mod tests {
 
     #[test]
     fn a_lamp_of_a_lights_name_is_told() {
-        let source = LightSource {
-            key: "Lamp 1".into(),
-            kind: SourceKind::Point,
-            columns: 0..1,
-            color: Vec3::ONE,
-            strength: 1.0,
-            origin: LightOrigin::default(),
-        };
+        let source = LightSource::plain("Lamp 1", SourceKind::Point, 0..1);
         let mut look = Look::default();
         look.lights.lamps = all();
         let words = look.unheeded(&LightBasis::new(vec![source]));

@@ -172,8 +172,6 @@ impl Reader<'_> {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::basis::LightSource;
-    use clerestory_transport::origin::LightOrigin;
-    use glam::Vec3;
 
     use super::*;
 
@@ -237,14 +235,7 @@ mod tests {
 
     #[test]
     fn panels_that_a_bake_has_not_are_told_with_what_to_do() {
-        let source = |key: &str, kind: SourceKind| LightSource {
-            key: key.into(),
-            kind,
-            columns: 0..1,
-            color: Vec3::ONE,
-            strength: 1.0,
-            origin: LightOrigin::default(),
-        };
+        let source = |key: &str, kind: SourceKind| LightSource::plain(key, kind, 0..1);
         let panel = |resolution| SourceKind::Panel { resolution, size_m: [1.0; 2] };
         let sources = vec![source("Wall", panel(4)), source("Door", panel(4)), source("Ceiling", SourceKind::Emitter)];
         let panels =

@@ -67,6 +67,8 @@ pub struct FileQuestion {
     agreed: Option<PathBuf>,
     /// The file that would be replaced, while that is being asked.
     replaces: Option<PathBuf>,
+    /// The file that was looked for last, for the hint, and whether it was there.
+    looked_for: Option<(PathBuf, bool)>,
 }
 
 struct Repaint(Context);
@@ -88,8 +90,9 @@ impl FileQuestion {
         dialogs: FileDialogs,
     ) -> FileQuestion {
         let path = suggestion.into();
+        let (agreed, native, is_fresh) = (own, None, true);
         let mut question =
-            FileQuestion { task, path, folder, native: None, dialogs, is_fresh: true, agreed: own, replaces: None };
+            FileQuestion { task, path, folder, native, dialogs, is_fresh, agreed, replaces: None, looked_for: None };
         if dialogs == FileDialogs::Desktop && !task.asks_more() {
             question.browse();
         }
@@ -182,6 +185,15 @@ impl FileQuestion {
         if modal.inner.is_none() && modal.should_close() { Some(None) } else { modal.inner }
     }
 
+    /// Whether a file is there that would be replaced; looked for once for each path.
+    fn is_there(&mut self) -> bool {
+        let path = self.task.whole(self.place());
+        if self.looked_for.as_ref().is_none_or(|(known, _)| *known != path) {
+            self.looked_for = Some((path.clone(), self.task.replaces(&path)));
+        }
+        self.looked_for.as_ref().is_some_and(|(_, is_there)| *is_there)
+    }
+
     fn field_ui(&mut self, ui: &mut Ui, problem: Option<String>) -> Option<Option<PathBuf>> {
         let edit = TextEdit::singleline(&mut self.path).hint_text("Path of the file").desired_width(f32::INFINITY);
         let field = ui.add(edit).accessible_name("Path");
@@ -191,9 +203,7 @@ impl FileQuestion {
         let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
         let (_, extensions) = self.task.extensions();
         let hint = match extensions {
-            _ if self.task.replaces(&self.task.whole(self.place())) => {
-                "A file of this name is there; saving asks whether to replace it".into()
-            }
+            _ if self.is_there() => "A file of this name is there; saving asks whether to replace it".into(),
             [] => "A folder with one EXR, HDR, PNG or JPEG of the same view for each light".into(),
             endings => format!("Ends in .{}", endings.join(", .")),
         };

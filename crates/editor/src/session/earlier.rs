@@ -7,10 +7,14 @@ use super::{Session, Source};
 use crate::words::BLACK;
 
 impl Session {
+    /// Where what is open came from.
+    pub fn source(&self) -> Option<&Source> {
+        self.opened.as_ref()?.source.as_ref()
+    }
+
     /// Before what is open goes: its bakes stay, if the same file is opened again.
     pub(super) fn keep_earlier(&mut self, next: Option<&Source>) {
-        let is_same =
-            self.opened.as_ref().and_then(|opened| opened.source.as_ref()).is_some_and(|old| Some(old) == next);
+        let is_same = self.source().is_some_and(|old| Some(old) == next);
         if !is_same {
             self.earlier.clear();
         } else if self.shown.is_some() {

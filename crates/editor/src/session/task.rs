@@ -237,11 +237,12 @@ pub(super) fn load(source: Source, mut chosen: Chosen, stop: &Stop) -> Result<Lo
     }
     let (lamps, files) = (imported.scene.punctual.clone(), imported.report.files);
     report.extend(chosen.read_sky());
+    let backs = |scene: &PreparedScene| scene.scene.cameras.first().and_then(|camera| scene.warn_of_backs(camera));
     if chosen != Chosen::default() {
         match prepare_again(&imported.scene, lamps.clone(), chosen, stop) {
             Ok(Prepared { scene, chosen, warnings }) => {
                 report.extend(warnings);
-                report.extend(scene.scene.cameras.first().and_then(|camera| scene.warn_of_backs(camera)));
+                report.extend(backs(&scene));
                 return Ok(Loaded::Scene { scene, report, lamps, chosen: Box::new(chosen), files });
             }
             Err(error @ LightingError::Stopped(_)) => return Err(error.into()),
@@ -252,7 +253,7 @@ pub(super) fn load(source: Source, mut chosen: Chosen, stop: &Stop) -> Result<Lo
     let prepared = PreparedScene::until(imported.scene, &[], None, Skips::default(), stop);
     let (scene, warnings) = prepared.context("its lights cannot be used")?;
     report.extend(warnings);
-    report.extend(scene.scene.cameras.first().and_then(|camera| scene.warn_of_backs(camera)));
+    report.extend(backs(&scene));
     Ok(Loaded::Scene { scene: Box::new(scene), report, lamps, chosen: Box::default(), files })
 }
 

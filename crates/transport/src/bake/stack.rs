@@ -11,7 +11,6 @@ mod run;
 use std::ops::{ControlFlow, Range};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{Bake, BakeConfig, BakeError, BakeEvent, BakeHeader, TILE, check_tolerance};
@@ -20,7 +19,6 @@ use crate::camera::Film;
 use crate::fingerprint::digest;
 use crate::import::stack::{ImageStack, StackError};
 use crate::matrix::{peak, scale_of_peaks};
-use crate::origin::LightOrigin;
 use crate::skips::{Skips, Spared};
 use band::Band;
 
@@ -136,14 +134,7 @@ impl StackJob {
 
     fn header(&self, digests: &[u64], column_scale: Vec<f32>) -> BakeHeader {
         let ImageStack { film, images, .. } = &*self.stack;
-        let source = |(key, column): (&str, u32)| LightSource {
-            key: key.into(),
-            kind: SourceKind::Image,
-            columns: column..column + 1,
-            color: Vec3::ONE,
-            strength: 1.0,
-            origin: LightOrigin::default(),
-        };
+        let source = |(key, column): (&str, u32)| LightSource::plain(key, SourceKind::Image, column..column + 1);
         let keys = images.iter().map(|image| image.key.as_str());
         let words: Vec<u8> = digests.iter().flat_map(|digest| digest.to_le_bytes()).collect();
         BakeHeader {

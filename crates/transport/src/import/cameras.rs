@@ -1,6 +1,6 @@
 //! Cameras of the file.
 
-use glam::{DMat4, DVec3, Mat4};
+use glam::{DMat4, Mat4};
 use gltf::json::{self, Index, Root};
 
 use super::document::called;
@@ -56,12 +56,8 @@ pub(super) fn camera(
 
 /// Rotation and translation alone: glTF lets no scale or shear of a node reach its camera.
 fn rigid(placed: &PlacedNode) -> Mat4 {
-    let &PlacedNode { world_from_node, turn, .. } = placed;
-    let back = world_from_node.z_axis.truncate().try_normalize().unwrap_or(turn.z_axis);
-    let across = |axis: DVec3| (axis - back * back.dot(axis)).try_normalize();
-    let up = across(world_from_node.y_axis.truncate()).or_else(|| across(turn.y_axis));
-    let up = up.unwrap_or_else(|| back.any_orthonormal_vector());
+    let [back, up] = placed.back_and(1);
     let right = up.cross(back);
-    let eye = world_from_node.w_axis.truncate();
+    let eye = placed.world_from_node.w_axis.truncate();
     DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), eye.extend(1.0)).as_mat4()
 }

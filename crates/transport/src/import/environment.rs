@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::files::{guarded, read_at_most};
-use super::openexr::{self, Beside, MAX_PIXELS_PER_BYTE, Wanted};
+use super::files::{check_pixels, guarded, read_at_most};
+use super::openexr::{self, Beside, Wanted};
 use super::radiance;
 use crate::sky::{Cleaned, Environment, SkyError};
 
@@ -63,16 +63,12 @@ pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>)
 }
 
 /// Within what a sky may have, and what so many bytes may.
-#[expect(clippy::arithmetic_side_effects, reason = "`is_size` holds where they are multiplied")]
 fn check_size([width, height]: [u32; 2], n_bytes: usize) -> Result<(), String> {
     let (columns, rows) = (width as usize, height as usize);
     if !Environment::is_size(columns, rows) {
         return Err(SkyError::Size { width: columns, height: rows }.to_string());
     }
-    if (columns * rows) as u64 > (n_bytes as u64).saturating_mul(MAX_PIXELS_PER_BYTE) {
-        return Err(format!("{width}×{height} pixels cannot be in {n_bytes} bytes"));
-    }
-    Ok(())
+    check_pixels([width, height], n_bytes as u64)
 }
 
 #[cfg(test)]

@@ -10,6 +10,19 @@ use crate::stop::Stop;
 /// What is read without a look around.
 const PIECE_BYTES: u64 = 16 << 20;
 
+/// More pixels than a byte of a compressed file stands for.
+const MAX_PIXELS_PER_BYTE: u64 = 1 << 14;
+
+/// Refuses more pixels than so many bytes can stand for.
+pub(super) fn check_pixels([width, height]: [u32; 2], n_bytes: u64) -> Result<(), String> {
+    #[expect(clippy::arithmetic_side_effects, reason = "a product of two 32-bit numbers")]
+    let n_pixels = u64::from(width) * u64::from(height);
+    if n_pixels > n_bytes.saturating_mul(MAX_PIXELS_PER_BYTE) {
+        return Err(format!("{width} × {height} pixels cannot be in {n_bytes} bytes"));
+    }
+    Ok(())
+}
+
 /// A whole file of at most so many bytes.
 ///
 /// # Errors

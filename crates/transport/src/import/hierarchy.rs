@@ -22,6 +22,16 @@ pub(super) struct PlacedNode {
     pub turn: DMat3,
 }
 
+impl PlacedNode {
+    /// Its z axis in the world, and another one that is made square to it, unit vectors. A scale of 0 takes an axis, not how it is turned.
+    pub fn back_and(&self, other: usize) -> [DVec3; 2] {
+        let back = self.world_from_node.z_axis.truncate().try_normalize().unwrap_or(self.turn.z_axis);
+        let across = |axis: DVec3| (axis - back * back.dot(axis)).try_normalize();
+        let side = across(self.world_from_node.col(other).truncate()).or_else(|| across(self.turn.col(other)));
+        [back, side.unwrap_or_else(|| back.any_orthonormal_vector())]
+    }
+}
+
 /// What a node takes from the one above it.
 #[derive(Clone, Copy)]
 struct Above {

@@ -2,7 +2,7 @@
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
@@ -39,13 +39,9 @@ pub(super) fn lamp(
     Some(PunctualLight { kind, color, intensity, ..white_point(placed, node_idx) })
 }
 
-/// A white point lamp of 1 candela at a node. A scale of 0 takes an axis, not the lamp's direction.
+/// A white point lamp of 1 candela at a node.
 pub(super) fn white_point(placed: &PlacedNode, node_idx: u32) -> PunctualLight {
-    let &PlacedNode { world_from_node, turn, .. } = placed;
-    let back = world_from_node.z_axis.truncate().try_normalize().unwrap_or(turn.z_axis);
-    let across = |axis: DVec3| (axis - back * back.dot(axis)).try_normalize();
-    let x = across(world_from_node.x_axis.truncate()).or_else(|| across(turn.x_axis));
-    let x = x.unwrap_or_else(|| back.any_orthonormal_vector());
+    let (world_from_node, [back, x]) = (&placed.world_from_node, placed.back_and(0));
     // A mirrored node mirrors the distribution of its lamp.
     let y = back.cross(x);
     let y = if world_from_node.y_axis.truncate().dot(y) < 0.0 { -y } else { y };

@@ -9,14 +9,12 @@ use exr::prelude::{MetaData, ReadChannels, ReadLayers, Vec2};
 use glam::DMat3;
 
 use super::channels::{self, Channels};
-use super::files::{guarded, of_file, read_at_most};
+use super::files::{check_pixels, guarded, of_file, read_at_most};
 use super::primaries::{convert, into_rec709};
 use crate::camera::Film;
 
 /// Largest file that is read.
 const MAX_FILE_BYTES: u64 = 4 << 30;
-/// More pixels than a byte of a compressed file stands for.
-pub(super) const MAX_PIXELS_PER_BYTE: u64 = 1 << 14;
 
 /// The picture of an OpenEXR file.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,17 +61,10 @@ pub(super) type Check<'a> = &'a dyn Fn([u32; 2]) -> Result<(), String>;
 pub fn read_exr(path: &Path) -> Result<ExrPicture, String> {
     let bytes = read_at_most(path, MAX_FILE_BYTES).map_err(|error| of_file(&error))?;
     let check = |[width, height]: [u32; 2]| {
-        #[expect(clippy::arithmetic_side_effects, reason = "a product of two 32-bit numbers")]
-        let n_pixels = u64::from(width) * u64::from(height);
-        match () {
-            () if width.max(height) > Film::MAX_SIDE => {
-                Err(format!("its {width} × {height} pixels are too many, at most {} to a side", Film::MAX_SIDE))
-            }
-            () if n_pixels > (bytes.len() as u64).saturating_mul(MAX_PIXELS_PER_BYTE) => {
-                Err(format!("{width} × {height} pixels cannot be in {} bytes", bytes.len()))
-            }
-            () => Ok(()),
+        if width.max(height) > Film::MAX_SIDE {
+            return Err(format!("its {width} × {height} pixels are too many, at most {} to a side", Film::MAX_SIDE));
         }
+        check_pixels([width, height], bytes.len() as u64)
     };
     guarded(|| decode(&bytes, Wanted::Stored, Beside::Nothing, &check))
 }

@@ -99,14 +99,7 @@ mod tests {
     fn a_measured_distribution_stays_where_it_is() {
         let light = PunctualLight { profile: Some(0), ..light(PunctualKind::Point) };
         let kind = SourceKind::Point;
-        let source = LightSource {
-            key: "l".into(),
-            kind,
-            columns: 0..1,
-            color: Vec3::ONE,
-            strength: 1.0,
-            origin: LightOrigin::default(),
-        };
+        let source = LightSource::plain("l", kind, 0..1);
         assert!(FreeLamp::from_source("m", &source, &light, LightSetting::default()).is_none());
     }
 }

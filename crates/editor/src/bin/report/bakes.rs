@@ -7,7 +7,7 @@ use clerestory::compare::read_exr;
 
 use super::cases::{Case, cases};
 use super::desk::{Desk, clerestory, number};
-use super::errors::beside_two;
+use super::errors::pictures_beside_two;
 
 /// Tolerance in dB.
 const TOLERANCE: &str = "40";
@@ -51,9 +51,7 @@ fn measure(desk: &Desk, case: &Case, reference_spp: &str) -> Result<String> {
         clerestory(&[&["trace", &scene, "-o", &traced][..], &how].concat())?;
         read_exr(traced.as_ref())
     };
-    let [relit, a, b] = [read_exr(relit.as_ref())?, traced("7")?, traced("8")?].map(|picture| picture.pixels);
-    let entries = relit.iter().flatten().zip(a.iter().flatten().zip(b.iter().flatten()));
-    let db = beside_two(entries.map(|(x, (a, b))| [x, a, b].map(|value| f64::from(*value))));
+    let db = pictures_beside_two(&read_exr(relit.as_ref())?, [&traced("7")?, &traced("8")?]);
     Ok(format!(
         "| {} | {} | {} | {:.0} | {:.1} | {:.1} | {:.2} / {:.0} | {:.2} / {:.1} | {:.0}× | {:.1} / {:.1} / {:.1} | {:.1} |\n",
         case.name,

@@ -1,11 +1,14 @@
 //! Errors in decibels: of values below a peak, and of the columns of a matrix.
 
+use clerestory::compare::white_level;
+use clerestory_relight::Radiance;
+
 use super::fit::median;
 
 /// Part of a column's entries that may be brighter than its peak.
 const PEAK_QUANTILE: f64 = 0.995;
 /// Best error that is told.
-const BEST_DB: f64 = 120.0;
+pub const BEST_DB: f64 = 120.0;
 
 /// The 99.5 percentile; 0 of nothing.
 pub fn quantile(mut values: Vec<f64>) -> f64 {
@@ -56,6 +59,29 @@ pub fn beside_two(entries: impl Iterator<Item = [f64; 3]>) -> Option<f64> {
         sum.add((x - a) * (x - b));
     }
     (!both.is_empty()).then(|| decibels(quantile(both), sum.mean_at_least_known()))
+}
+
+/// [`beside_two`] of all entries of pictures.
+pub fn pictures_beside_two(x: &Radiance, [a, b]: [&Radiance; 2]) -> Option<f64> {
+    let [x, a, b] = [x, a, b].map(|picture| picture.pixels.iter().flatten().map(|&value| f64::from(value)));
+    beside_two(x.zip(a.zip(b)).map(|(x, (a, b))| [x, a, b]))
+}
+
+/// PSNR in dB of a picture x beside two pictures a and b whose noise is their own: all exposed to four times the median luminance of the
+/// mean of a and b and clipped at white, the mean of (x − a)(x − b), told as no less than its standard error.
+pub fn psnr_db(x: &Radiance, [a, b]: [&Radiance; 2]) -> f64 {
+    let pair = |(a, b): (&[f32; 3], &[f32; 3])| std::array::from_fn(|c| 0.5 * (a[c] + b[c]));
+    let both = Radiance { pixels: a.pixels.iter().zip(&b.pixels).map(pair).collect(), ..*a };
+    let white = white_level(&both);
+    let shown = |value: &f32| (f64::from(*value) / white).clamp(0.0, 1.0);
+    let mut sum = Sum::default();
+    for ((x, a), b) in x.pixels.iter().zip(&a.pixels).zip(&b.pixels) {
+        for ((x, a), b) in x.iter().zip(a).zip(b) {
+            let [x, a, b] = [x, a, b].map(shown);
+            sum.add((x - a) * (x - b));
+        }
+    }
+    decibels(1.0, sum.mean_at_least_known())
 }
 
 /// Errors of the columns that light anything, as mean squares over the squares of their peaks; none less than its standard error.
@@ -111,5 +137,50 @@ mod tests {
         // Scattered around less than nothing: 2 over the root of 16.
         let scattered: Vec<f64> = (0..16).map(|i| if i % 2 == 0 { 1.0 } else { -3.0 }).collect();
         assert_eq!(mean(&scattered), (-1.0, 0.5));
+    }
+
+    #[test]
+    fn noise_of_the_references_drops_out_and_white_is_clipped() {
+        // The truth is 1 everywhere, so white is 4; both references are off by ±0.5 in patterns of their own.
+        let picture = |value: &dyn Fn(usize) -> f32| Radiance {
+            width: 4096,
+            height: 1,
+            pixels: (0..4096).map(|i| [value(i); 3]).collect(),
+        };
+        let noisy = |bit: usize| picture(&|i: usize| if i >> bit & 1 == 0 { 0.5 } else { 1.5 });
+        let (a, b) = (noisy(0), noisy(1));
+        let off = psnr_db(&picture(&|_| 1.4), [&a, &b]);
+        assert!((off - 20.0).abs() < 1e-3, "a tenth of white: {off}");
+        let exact = psnr_db(&picture(&|_| 1.0), [&a, &b]);
+        // What is left is how well it is known: (1/8)² over the root of all values.
+        assert!((exact - 10.0 * (64.0 * f64::sqrt(3.0 * 4096.0)).log10()).abs() < 1e-3, "{exact}");
+        let ends = [4.0, 40.0].map(|value| psnr_db(&picture(&|_| value), [&a, &b]));
+        assert_eq!(ends[0], ends[1], "white is white");
+    }
+
+    #[test]
+    fn noise_of_two_references_does_not_count() {
+        let picture = |of: fn(usize) -> f32| Radiance {
+            width: 100,
+            height: 1,
+            pixels: (0..100).map(|nth| [of(nth); 3]).collect(),
+        };
+        let truth = picture(|_| 1.0);
+        // Both are off by a tenth, each in half of its pixels either way, and independently.
+        let a = picture(|nth| if nth % 2 == 0 { 1.1 } else { 0.9 });
+        let b = picture(|nth| if nth % 4 < 2 { 1.1 } else { 0.9 });
+        let off = picture(|_| 1.2);
+        let reference = [a, b];
+        // White is 4: 0.05 off is 26 dB.
+        assert!(
+            (psnr_db(&off, [&reference[0], &reference[1]]) - 26.0).abs() < 0.3,
+            "{}",
+            psnr_db(&off, [&reference[0], &reference[1]])
+        );
+        assert!(
+            psnr_db(&truth, [&reference[0], &reference[1]]) > 40.0,
+            "{}",
+            psnr_db(&truth, [&reference[0], &reference[1]])
+        );
     }
 }

@@ -12,12 +12,11 @@ use clerestory_transport::import;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::trace::TraceConfig;
-use glam::Vec3;
 use serde_json::Value;
 
 use super::desk::{Desk, number};
-use super::errors::{Sum, decibels};
-use super::fit::{median, spread_words, tenths};
+use super::errors::psnr_db;
+use super::fit::{spread_words, tenths};
 use super::matrix::{BOUNCES, baked, process_cpu_secs};
 use super::rendered::{as_in_file, rendered};
 
@@ -51,7 +50,7 @@ pub fn write(desk: &Desk) -> Result<String> {
                 // Who rendered, in the order of the first turn, and each time the seconds and dB.
                 let mut tried: Vec<(String, Vec<f64>, Vec<f64>)> = Vec::new();
                 let mut add = |who: &str, secs: f64, picture: &Radiance| {
-                    let db = psnr_beside_two(picture, &reference);
+                    let db = psnr_db(picture, [&reference[0], &reference[1]]);
                     match tried.iter_mut().find(|(known, ..)| known == who) {
                         Some((_, all_secs, all_db)) => {
                             all_secs.push(secs);
@@ -103,7 +102,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## Other renderers\n\n\
          The same file in `scripts/peers.py`: one picture of {} × {} pixels under all lights, {:?} bounces, CPU seconds of rendering alone, and PSNR: the mean of (x − a)(x − b), a and b two pictures that\n\
-         ours traced with {converged} samples per pixel each, so that their noise does not count, all exposed to four times the median luminance of both and clipped at white; told as no less than its standard error. Mitsuba in the faster of its variants that runs here, its kernels compiled before. Nobody denoises but ours where it says so. Median (least…greatest) of {} seeds, everybody in turn.{missing} {}\n\n\
+         ours traced with {converged} samples per pixel each, so that their noise does not count, all exposed to four times the median luminance of their mean and clipped at white; told as no less than its standard error. Mitsuba in the faster of its variants that runs here, its kernels compiled before. Nobody denoises but ours where it says so. Median (least…greatest) of {} seeds, everybody in turn.{missing} {}\n\n\
          | scene | renderer | samples per pixel | CPU s | PSNR, dB |\n|---|---|---|---|---|\n{rows}",
         film.width,
         film.height,
@@ -127,18 +126,6 @@ fn others(desk: &Desk, scene: &str, film: Film, (samples, seed): (u32, u64)) -> 
     serde_json::from_slice(&told.stdout).context("scripts/peers.py printed no JSON")
 }
 
-/// PSNR in dB beside two pictures whose noise is their own, as they are shown.
-fn psnr_beside_two(picture: &Radiance, reference: &[Radiance; 2]) -> f64 {
-    let luminance = |rgb: &[f32; 3]| Vec3::from(*rgb).dot(Vec3::new(0.2126, 0.7152, 0.0722));
-    let of_both = reference.iter().flat_map(|picture| &picture.pixels).map(|rgb| f64::from(luminance(rgb)));
-    let white = 4.0 * median(&of_both.collect::<Vec<_>>()).unwrap_or(0.0);
-    let shown = |value: &f32| (f64::from(*value) / white.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-    let [x, a, b] = [picture, &reference[0], &reference[1]].map(|picture| picture.pixels.iter().flatten().map(shown));
-    let mut sum = Sum::default();
-    x.zip(a.zip(b)).for_each(|(x, (a, b))| sum.add((x - a) * (x - b)));
-    decibels(1.0, sum.mean_at_least_known())
-}
-
 fn words(told: &Value, name: &str) -> String {
     told[name].as_str().unwrap_or("unknown").into()
 }
@@ -146,27 +133,4 @@ fn words(told: &Value, name: &str) -> String {
 fn traced(scene: &PreparedScene, film: Film, spp: u32, seed: u64) -> Result<Radiance> {
     let light = scene.lighting.basis.project(&LightRig::default());
     rendered(scene, film, &light, &TraceConfig { spp, bounces: BOUNCES, seed })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn noise_of_the_reference_does_not_count() {
-        let picture = |of: fn(usize) -> f32| Radiance {
-            width: 100,
-            height: 1,
-            pixels: (0..100).map(|nth| [of(nth); 3]).collect(),
-        };
-        let truth = picture(|_| 1.0);
-        // Both are off by a tenth, each in half of its pixels either way, and independently.
-        let a = picture(|nth| if nth % 2 == 0 { 1.1 } else { 0.9 });
-        let b = picture(|nth| if nth % 4 < 2 { 1.1 } else { 0.9 });
-        let off = picture(|_| 1.2);
-        let reference = [a, b];
-        // White is 4: 0.05 off is 26 dB.
-        assert!((psnr_beside_two(&off, &reference) - 26.0).abs() < 0.3, "{}", psnr_beside_two(&off, &reference));
-        assert!(psnr_beside_two(&truth, &reference) > 40.0, "{}", psnr_beside_two(&truth, &reference));
-    }
 }

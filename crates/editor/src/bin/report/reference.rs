@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use clerestory_nystrom::{BlockLowRank, Half, Partition, SampledMatrix};
+use clerestory_nystrom::{BlockFactors, BlockLowRank, Half, Partition, SampledMatrix};
 use clerestory_transport::bake::{BakeHeader, BakeJob};
 use clerestory_transport::camera::Film;
 use clerestory_transport::matrix::{CHANNELS, TransportMatrix};
@@ -42,7 +42,6 @@ pub struct Sampling {
 /// A matrix sampled twice, independently of each other and of every bake of the report.
 pub struct Reference {
     n_cols: usize,
-    film: Film,
     /// Those that are sampled.
     pixels: Vec<u32>,
     /// Row-major, channels of these pixels × columns, radiance per unit of light.
@@ -51,6 +50,35 @@ pub struct Reference {
     seen: Vec<bool>,
     /// The 99.5 percentile of each column's entries, those where its light is seen aside.
     peaks: Vec<f64>,
+}
+
+/// Rows of a bake at some pixels, a row per channel, radiance per unit of light; `row` writes one of a block.
+pub fn rows_of(
+    pixels: &[u32],
+    (header, groups): (&BakeHeader, &[BlockLowRank]),
+    row: impl Fn(&BlockFactors, usize, &mut [f32]),
+) -> Vec<f32> {
+    let (partition, n_cols) = (header.partition(), header.basis.n_cols());
+    let mut place = vec![u32::MAX; (header.width * header.height) as usize];
+    pixels.iter().enumerate().for_each(|(nth, &pixel)| place[pixel as usize] = nth as u32);
+    let (mut rows, mut bundles) = (vec![0.0; pixels.len() * CHANNELS * n_cols], Vec::new());
+    for (group, columns) in groups.iter().zip(&header.basis.groups) {
+        let columns = columns.columns.start as usize..columns.columns.end as usize;
+        for (block_idx, block) in group.blocks.iter().enumerate() {
+            let Some(block) = block else { continue };
+            partition.bundles(block_idx, &mut bundles);
+            for (nth, &pixel) in bundles.iter().enumerate().filter(|(_, pixel)| place[**pixel as usize] != u32::MAX) {
+                for channel in 0..CHANNELS {
+                    let at = place[pixel as usize] as usize * CHANNELS + channel;
+                    row(block, nth * CHANNELS + channel, &mut rows[at * n_cols..][columns.clone()]);
+                }
+            }
+        }
+    }
+    for row in rows.chunks_exact_mut(n_cols) {
+        row.iter_mut().zip(&header.column_scale).for_each(|(value, scale)| *value /= scale);
+    }
+    rows
 }
 
 impl Reference {
@@ -71,7 +99,7 @@ impl Reference {
         let (a, b) = halves.split_at(n_pixels * CHANNELS * n_cols);
         let seen = seen.iter().map(|&seen| seen > 0.0).collect();
         let halves = [a.to_vec(), b.to_vec()];
-        let mut reference = Reference { n_cols, film, pixels, halves, seen, peaks: Vec::new() };
+        let mut reference = Reference { n_cols, pixels, halves, seen, peaks: Vec::new() };
         reference.peaks = (0..n_cols).into_par_iter().map(|column| reference.peak(column)).collect();
         Ok(reference)
     }
@@ -100,28 +128,7 @@ impl Reference {
 
     /// The rows of a bake that are compared, as the reference has them.
     pub fn rows_of(&self, header: &BakeHeader, groups: &[BlockLowRank]) -> Vec<f32> {
-        let (partition, n_cols) = (header.partition(), self.n_cols);
-        let mut place = vec![u32::MAX; self.film.n_pixels()];
-        self.pixels.iter().enumerate().for_each(|(nth, &pixel)| place[pixel as usize] = nth as u32);
-        let (mut rows, mut bundles) = (vec![0.0; self.n_rows() * n_cols], Vec::new());
-        for (group, columns) in groups.iter().zip(&header.basis.groups) {
-            let columns = columns.columns.start as usize..columns.columns.end as usize;
-            for (block_idx, block) in group.blocks.iter().enumerate() {
-                let Some(block) = block else { continue };
-                partition.bundles(block_idx, &mut bundles);
-                for (nth, &pixel) in bundles.iter().enumerate().filter(|(_, pixel)| place[**pixel as usize] != u32::MAX)
-                {
-                    for channel in 0..CHANNELS {
-                        let row = place[pixel as usize] as usize * CHANNELS + channel;
-                        block.row(nth * CHANNELS + channel, &mut rows[row * n_cols..][columns.clone()]);
-                    }
-                }
-            }
-        }
-        for row in rows.chunks_exact_mut(n_cols) {
-            row.iter_mut().zip(&header.column_scale).for_each(|(value, scale)| *value /= scale);
-        }
-        rows
+        rows_of(&self.pixels, (header, groups), BlockFactors::row)
     }
 
     /// The error of every column of rows that are laid out as the reference's.
@@ -359,8 +366,7 @@ mod tests {
         // The truth is 2, each half is off by a half in a pattern of its own, and what is compared is off by a fifth everywhere.
         let half = |bit: usize| (0..300).map(|row| if row >> bit & 1 == 0 { 1.5 } else { 2.5 }).collect();
         let (halves, pixels) = ([half(0), half(1)], (0..100).collect());
-        let film = Film { width: 10, height: 10 };
-        let reference = Reference { n_cols: 1, film, pixels, halves, seen: vec![false; 100], peaks: vec![2.0] };
+        let reference = Reference { n_cols: 1, pixels, halves, seen: vec![false; 100], peaks: vec![2.0] };
         let off = vec![2.2; 300];
         let errors = reference.errors(&off);
         assert!((errors.mean_db() - 20.0).abs() < 1e-4 && (errors.median_db().expect("an error") - 20.0).abs() < 1e-4);

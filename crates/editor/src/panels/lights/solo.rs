@@ -125,20 +125,12 @@ mod tests {
     use clerestory_transport::basis::{LightSource, SourceKind};
     use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
     use clerestory_transport::light::LightGroup;
-    use clerestory_transport::origin::LightOrigin;
     use glam::Vec3;
 
     use super::*;
 
     fn basis() -> LightBasis {
-        let source = |key: &str, kind| LightSource {
-            key: key.into(),
-            kind,
-            columns: 0..1,
-            color: Vec3::ONE,
-            strength: 1.0,
-            origin: LightOrigin::default(),
-        };
+        let source = |key: &str, kind| LightSource::plain(key, kind, 0..1);
         LightBasis::new(vec![
             source("a", SourceKind::Point),
             source("b", SourceKind::Emitter),

@@ -94,14 +94,15 @@ pub(super) fn table_ui(ui: &mut Ui, mix: &mut Mix) {
 fn lines(ui: &Ui, mix: &mut Mix) -> Vec<usize> {
     let mut lines: Vec<usize> = mix.items.iter().flat_map(|item| item.lights().iter().copied()).collect();
     let Some(sorting) = mix.state.sorting else { return lines };
-    let key = |idx: &usize| mix.lights[*idx].key.as_str();
-    let before: BTreeMap<&str, usize> = mix.state.lines.iter().map(String::as_str).zip(0..).collect();
-    let is_same = before.len() == lines.len() && lines.iter().all(|idx| before.contains_key(key(idx)));
     let is_in_hand =
         ui.input(|input| input.pointer.any_down()) || ui.ctx().text_edit_focused() || Popup::is_any_open(ui.ctx());
-    if is_same && is_in_hand {
-        lines.sort_by_key(|idx| before[key(idx)]);
-        return lines;
+    if is_in_hand {
+        let key = |idx: &usize| mix.lights[*idx].key.as_str();
+        let before: BTreeMap<&str, usize> = mix.state.lines.iter().map(String::as_str).zip(0..).collect();
+        if before.len() == lines.len() && lines.iter().all(|idx| before.contains_key(key(idx))) {
+            lines.sort_by_key(|idx| before[key(idx)]);
+            return lines;
+        }
     }
     lines.sort_by(|a, b| {
         let order = order(mix, sorting.column, &mix.lights[*a], &mix.lights[*b]);

@@ -7,8 +7,8 @@ use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 
 use super::MAX_PIXELS;
 use crate::camera::Film;
-use crate::import::files::{guarded, of_file, of_image};
-use crate::import::openexr::{self, Beside, MAX_PIXELS_PER_BYTE, Wanted};
+use crate::import::files::{check_pixels, guarded, of_file, of_image};
+use crate::import::openexr::{self, Beside, Wanted};
 use crate::import::radiance;
 use crate::texture::srgb_to_linear;
 
@@ -92,10 +92,7 @@ fn check_size([width, height]: [u32; 2], n_bytes: u64) -> Result<(), String> {
             "its {width} × {height} pixels are too many, at most {MAX_PIXELS} in all and {} to a side",
             Film::MAX_SIDE
         )),
-        () if n_pixels > n_bytes.saturating_mul(MAX_PIXELS_PER_BYTE) => {
-            Err(format!("{width} × {height} pixels cannot be in {n_bytes} bytes"))
-        }
-        () => Ok(()),
+        () => check_pixels([width, height], n_bytes),
     }
 }
 

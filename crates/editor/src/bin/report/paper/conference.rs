@@ -18,8 +18,8 @@ use clerestory_transport::trace::TraceConfig;
 
 use self::frames::{Frames, Racers};
 use super::SEED;
-use super::beside::psnr_db;
 use crate::desk::Desk;
+use crate::errors::psnr_db;
 use crate::methods::dense::Picture;
 use crate::methods::planes::Planes;
 use crate::prints::{averaged, difference, jpeg};

@@ -3,17 +3,14 @@
 use clerestory::compare::compare;
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::light::{LightRig, PanelSpot};
-use clerestory_transport::origin::LightOrigin;
-use glam::Vec3;
 
+use crate::errors::BEST_DB;
 use crate::methods::dense::Picture;
 
 const POSITIONS: [[f32; 2]; 4] = [[0.5, 0.5], [0.2, 0.3], [0.8, 0.7], [0.15, 0.85]];
 /// In sides of the panel.
 const RADII: [f32; 3] = [0.06, 0.15, 0.4];
 const COLORS: [[f32; 3]; 3] = [[1.0, 1.0, 1.0], [1.0, 0.6, 0.25], [0.35, 0.6, 1.0]];
-/// PSNR of a picture that does not differ.
-const BEST_DB: f64 = 120.0;
 
 /// How many there are.
 pub(super) fn count() -> usize {
@@ -23,14 +20,8 @@ pub(super) fn count() -> usize {
 /// A coefficient per texel and channel, of each light on a panel of `side` × `side` texels.
 pub(super) fn lights(side: usize) -> Vec<Vec<[f32; 3]>> {
     let resolution = side as u32;
-    let panel = LightSource {
-        key: "panel".into(),
-        kind: SourceKind::Panel { resolution, size_m: [1.0; 2] },
-        columns: 0..resolution * resolution,
-        color: Vec3::ONE,
-        strength: 1.0,
-        origin: LightOrigin::default(),
-    };
+    let panel =
+        LightSource::plain("panel", SourceKind::Panel { resolution, size_m: [1.0; 2] }, 0..resolution * resolution);
     let basis = LightBasis::new(vec![panel]);
     let light = |nth: usize| {
         let (position, radius) = (POSITIONS[nth % POSITIONS.len()], RADII[nth / POSITIONS.len()]);

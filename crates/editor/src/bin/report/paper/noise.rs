@@ -16,10 +16,11 @@ use super::lights::lights;
 use super::{SEED, approximated, sampling};
 use crate::desk::Desk;
 use crate::matrix::baked;
-use crate::methods::dense::{CHANNELS, Picture};
+use crate::methods::dense::Picture;
 use crate::methods::own;
 use crate::plot::{Axis, Panel, Scale, Series};
 use crate::prints::{enlarged, jpeg};
+use crate::reference::rows_of;
 use crate::targets::coded::Subject;
 
 /// Rank of the rival; what ours and bakes are asked for in dB, as a bake is that is told nothing: mostly more than noise lets them reach.
@@ -134,24 +135,10 @@ fn answers(desk: &Desk, path: &Path, spp: u32) -> Result<[Option<Picture>; NAMES
 
 /// All entries of a bake, radiance per unit of light, without the lights that are seen.
 fn scattered(bake: &Bake) -> Picture {
-    let (header, mut pixels) = (&bake.header, Vec::new());
+    let header = &bake.header;
     let (width, height, n_cols) = (header.width as usize, header.height as usize, header.basis.n_cols());
-    let mut values = vec![0.0; width * height * CHANNELS * n_cols];
-    for (matrix, group) in bake.groups.iter().zip(&header.basis.groups) {
-        let columns = group.columns.start as usize..group.columns.end as usize;
-        for (block_idx, block) in matrix.blocks.iter().enumerate() {
-            let Some(block) = block else { continue };
-            let rows = BlockFactors { sparse: Vec::new(), ..(**block).clone() }.dense();
-            matrix.partition.bundles(block_idx, &mut pixels);
-            let places = pixels.iter().flat_map(|&pixel| (0..CHANNELS).map(move |c| pixel as usize * CHANNELS + c));
-            for (row, place) in rows.chunks_exact(columns.len()).zip(places) {
-                values[place * n_cols..][columns.clone()].copy_from_slice(row);
-            }
-        }
-    }
-    for row in values.chunks_exact_mut(n_cols) {
-        row.iter_mut().zip(&header.column_scale).for_each(|(value, scale)| *value /= scale);
-    }
+    let pixels: Vec<u32> = (0..header.width * header.height).collect();
+    let values = rows_of(&pixels, (header, &bake.groups), BlockFactors::low_rank_row);
     Picture { width, height, n_cols, values }
 }
 
@@ -161,6 +148,7 @@ mod tests {
     use clerestory_transport::light::LightRig;
 
     use super::*;
+    use crate::methods::dense::CHANNELS;
     use crate::rendered::as_in_file;
 
     #[test]

@@ -6,7 +6,7 @@ use clerestory_relight::Radiance;
 use serde_json::{Value, json};
 
 use crate::desk::{Desk, clerestory, number};
-use crate::errors::beside_two;
+use crate::errors::pictures_beside_two;
 use crate::prints::jpeg;
 
 /// Of the bake, and of both traced pictures.
@@ -83,8 +83,5 @@ fn measured(desk: &Desk, scene: &str, sky: &str) -> Result<(String, Vec<u8>)> {
 
 /// How far a picture is off two pictures whose noise is their own.
 fn db(picture: &Radiance, [a, b]: &[Radiance; 2]) -> String {
-    let all = |picture: &Radiance| picture.pixels.iter().flatten().map(|&x| f64::from(x)).collect::<Vec<_>>();
-    let [x, a, b] = [picture, a, b].map(all);
-    let entries = x.iter().zip(&a).zip(&b).map(|((x, a), b)| [*x, *a, *b]);
-    beside_two(entries).map_or("within noise".into(), |db| format!("{db:.1}"))
+    pictures_beside_two(picture, [a, b]).map_or("within noise".into(), |db| format!("{db:.1}"))
 }

@@ -11,6 +11,7 @@ use clerestory_transport::basis::LightBasis;
 use clerestory_transport::light::LightRig;
 
 use crate::desk::Desk;
+use crate::errors::BEST_DB;
 use crate::fit::{digits, median, spread_words};
 use crate::lamps::tables::Goal;
 use crate::methods::planes::Planes;
@@ -19,8 +20,6 @@ use crate::methods::planes::Planes;
 const PAPER: Goal = Goal::Most(1000.0);
 /// Bytes of a pixel's radiance.
 const RADIANCE_BYTES: usize = 12;
-/// PSNR of a picture that does not differ.
-const BEST_DB: f64 = 120.0;
 
 /// What makes the frames.
 pub(super) struct Racers<'a> {
