@@ -94,6 +94,9 @@ pub struct CompressConfig {
     /// How rows and columns lie, where noise may be taken out of what is smooth: done with blocks whose error would otherwise
     /// be greater than asked, if the halves tell that it helps. Tolerances of a rank alone ask for nothing.
     pub smoothing: Option<Arc<Smoothing>>,
+    /// Groups of no more columns than that are kept as they were sampled, noise and all, each column a component of its own: for
+    /// pictures whose noise is taken out afterwards. 0: none is.
+    pub verbatim: usize,
     /// The same seed gives the same factors.
     pub seed: u64,
 }
@@ -108,6 +111,7 @@ impl Default for CompressConfig {
             max_rank: 96,
             bright: 0.0,
             smoothing: None,
+            verbatim: 0,
             seed: 0,
         }
     }
@@ -288,6 +292,9 @@ pub(crate) fn unpacked(
     means: &mut Means,
 ) -> Result<Unpacked, CompressError> {
     fill(means, samples, group, block_idx)?;
+    if group.columns.len() <= config.verbatim {
+        return Ok(Unpacked::verbatim(means));
+    }
     let rng = || Random::new([config.seed, u64::from(block_idx)]);
     let plain = factor(means, samples.bundle_len, group, config, rng());
     let asked = !matches!(group.tolerance, Tolerance::Rank(_)) && plain.error() > allowed(means, group.tolerance);

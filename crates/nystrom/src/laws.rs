@@ -128,6 +128,22 @@ fn relative(factors: &BlockFactors, truth: &Dense<f32>) -> f64 {
 }
 
 #[test]
+fn what_is_kept_verbatim_is_the_mean_of_both_halves_with_all_its_noise() {
+    let rng = &mut Random::new([5, 0]);
+    let mut half = || (0..24 * 3).map(|_| rng.normal()).collect::<Vec<f32>>();
+    let [a, b] = [half(), half()];
+    let samples = BlockSamples { halves: [&a, &b], sparse: [&[]; 2], n_cols: 3, bundle_len: 3, n_samples: [2, 2] };
+    let config = CompressConfig { verbatim: 3, ..config(Tolerance::AbsoluteMeanSquare(1.0), 3, 1) };
+    let factors = compress_block(&samples, &config, 0).unwrap().remove(0);
+    assert_eq!(factors.rank, 3);
+    for (got, (a, b)) in factors.dense().iter().zip(a.iter().zip(&b)) {
+        assert!((got - 0.25 * (a + b)).abs() <= 1e-3, "{got} of {a} and {b}");
+    }
+    let noise = a.iter().zip(&b).map(|(a, b)| (0.25 * (a - b)).powi(2)).sum::<f32>() / a.len() as f32;
+    assert!((factors.error.sampling - noise).abs() < 1e-3 * noise);
+}
+
+#[test]
 fn full_rank_is_exact() {
     let mut rng = Random::new([31, 0]);
     for (n_rows, n_cols, bundle_len) in [(30, 50, 3), (120, 40, 3), (90, 3, 1), (48, 1, 3), (6, 200, 2), (240, 60, 3)] {

@@ -3,6 +3,7 @@
 use crate::{
     dense::Dense,
     factors::{BlockError, BlockFactors},
+    means::Means,
 };
 
 /// The factors of one group of columns of a block before they are packed, and mean squares per entry of their errors. Each value
@@ -27,6 +28,18 @@ pub(crate) struct Unpacked {
 }
 
 impl Unpacked {
+    /// The columns themselves, each a component.
+    pub(crate) fn verbatim(means: &Means) -> Self {
+        let n_cols = means.mean.n_cols;
+        let mut right = Dense::zeros(n_cols, n_cols);
+        (0..n_cols).for_each(|col| right.row_mut(col)[col] = 1.0);
+        let mut doubt = means.a.clone();
+        doubt.data.iter_mut().zip(&means.b.data).for_each(|(a, b)| *a = 0.5 * (*a - b));
+        let noise = means.noise_per_entry();
+        let left = means.mean.clone();
+        Self { left, doubt, right, unit: means.unit, truncation: 0.0, sampling: noise, noise, packing: 0.0 }
+    }
+
     /// Mean square error in all.
     pub(crate) fn error(&self) -> f64 {
         self.truncation + self.sampling

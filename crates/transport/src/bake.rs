@@ -188,7 +188,8 @@ fn is_zero(n: &u32) -> bool {
 /// Which passes run before the last one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Passes {
-    /// A preview, a pass with a sixteenth of the samples, then all of them: for somebody who watches.
+    /// A preview in which lamps are told apart however weak they are, a pass with a sixteenth of the samples, then all of them: for
+    /// somebody who watches.
     #[default]
     Progressive,
     /// A preview, then all samples.
@@ -215,6 +216,12 @@ const FIRST_LOOK_TRACED: u32 = 4;
 
 /// Samples per half of the first pass of those that grow until a time is up.
 const FIRST_OF_GROWING: u32 = 4;
+
+/// Columns of a group that a preview for somebody who watches keeps as they were sampled, and bytes that they may take. Where a
+/// lamp has less light than noise, a rank that holds no noise gives it that of the others, block by block: under that lamp alone
+/// the picture falls into squares.
+const LAMPS_APART: usize = 64;
+const LAMPS_APART_BYTES: usize = 512 << 20;
 
 /// What a preview aims at where more is asked for: it has no time for ranks that hold nothing but noise.
 const PREVIEW_DB: f32 = 24.0;
@@ -677,6 +684,14 @@ impl BakeJob {
     }
 
     /// `column_scale` is that of the header: the light of the file comes out as it was sampled, whatever is truncated.
+    /// Columns of a group up to which a preview keeps it as it was sampled.
+    fn n_lamps_apart(&self) -> usize {
+        // A number and its doubt, 16 bits each.
+        let column_bytes = 4 * CHANNELS * self.film.n_pixels();
+        let is_watched = self.passes == Passes::Progressive;
+        if is_watched { LAMPS_APART.min(LAMPS_APART_BYTES / column_bytes.max(1)) } else { 0 }
+    }
+
     fn compress_config(&self, samples_per_half: u32, tolerance_db: f32, column_scale: &[f32]) -> CompressConfig {
         let file_light = self.scene.lighting.basis.file_light(column_scale);
         let tolerance = mean_square(tolerance_db);
@@ -918,6 +933,9 @@ impl Run<'_> {
             config.smoothing = Some(header.smoothing(&partition));
         } else {
             config.method = Method::default();
+        }
+        if samples.is_none() {
+            config.verbatim = job.n_lamps_apart();
         }
         let mut of_patches = PatchBlocks::none(&header);
         if is_last && self.patches(&mut of_patches, (0, blocks), (pass, clock.done()), on_event)?.is_break() {

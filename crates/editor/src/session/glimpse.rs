@@ -29,7 +29,7 @@ pub(super) fn job(of: &BakeJob) -> Option<BakeJob> {
     }
     // Light that arrives and lamps that move wait for the bake.
     let config = BakeConfig { patches: 0, ..of.config.clone() };
-    Some(BakeJob { film, config, passes: Passes::PreviewAndFinal, irradiance: Vec::new(), ..of.clone() })
+    Some(BakeJob { film, config, passes: Passes::Progressive, irradiance: Vec::new(), ..of.clone() })
 }
 
 /// Bakes no further than the preview; nothing if it was stopped before.
@@ -88,6 +88,11 @@ mod tests {
         let Glimpse { header, groups } = run(job(&of).unwrap(), &Focus::default()).unwrap().unwrap();
         assert_eq!((header.width, header.height), (240, 180));
         assert_eq!(header.basis.sources, sources);
+        for (group, of) in groups.iter().zip(&header.basis.groups) {
+            let n_cols = of.columns.len() as u32;
+            let are_apart = group.blocks.iter().flatten().all(|block| block.rank == n_cols);
+            assert!(are_apart || n_cols > 64, "each of {n_cols} lights is a component of its own");
+        }
         assert!(groups.iter().all(|group| group.blocks.iter().all(Option::is_some)));
     }
 

@@ -16,9 +16,9 @@ struct Patch {
     at: Box<dyn Fn(f32, f32) -> Vec3>,
 }
 
-/// The camera in the hall.
+/// The camera in the hall, between its rows of columns.
 pub fn camera() -> Camera {
-    Camera::look_at("hall", Vec3::new(-10.0, 1.7, -5.0), Vec3::new(4.0, 1.4, 2.0), 1.1, 4.0 / 3.0)
+    Camera::look_at("hall", Vec3::new(-11.0, 1.7, -3.0), Vec3::new(4.0, 1.4, 2.0), 1.1, 4.0 / 3.0)
 }
 
 /// About that many triangles.

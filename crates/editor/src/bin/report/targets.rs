@@ -4,6 +4,7 @@
 pub mod baked;
 pub mod coded;
 pub mod judged;
+mod shared_right;
 pub mod soft;
 mod times;
 

@@ -11,6 +11,7 @@ use clerestory_nystrom::{
 };
 
 use super::judged::{Judged, Spectrum};
+use super::shared_right;
 use crate::methods::dense::{CHANNELS, Picture, TILE};
 
 /// As bakes have it: darker blocks are held to less.
@@ -33,6 +34,8 @@ pub struct Subject {
 pub enum Storage {
     /// Packed, as files have them.
     Packed,
+    /// Packed in a right basis that all blocks share.
+    SharedRight,
     /// In 16-bit numbers, as they lie in memory.
     SixteenBits,
     /// In single precision, as they were computed: of our own method alone.
@@ -72,7 +75,7 @@ pub struct Coded {
     /// Mean rank over the blocks.
     pub mean_rank: f64,
     /// Multiplications per pixel and picture, three channels of light on all columns: with factors as they are unpacked, and
-    /// with right factors in cosines, zeros left out.
+    /// with right factors in cosines, zeros left out. Both of factors that share no basis.
     pub multiply_adds: [f64; 2],
     /// Milliseconds per block: factors, then bytes.
     pub millis: [f64; 2],
@@ -133,12 +136,18 @@ impl Subject {
         let plan = PackPlan { columns, allowed, bright: BRIGHT, preserved: vec![1.0; n_cols] };
         let begun = Instant::now();
         let packed = single_threaded(|| PackedMatrix::pack(&matrix, &plan))?;
-        let packing = begun.elapsed().as_secs_f64();
+        let mut packing = begun.elapsed().as_secs_f64();
         let mut bytes = Vec::new();
         packed.encode(&mut bytes);
         let [right, left] = packed.product()?.n_multiplications();
         let (read, n_bytes) = match coding.storage {
             Storage::Packed => (packed.unpack()?, bytes.len()),
+            Storage::SharedRight => {
+                let begun = Instant::now();
+                let shared = single_threaded(|| shared_right::packed(&matrix, &plan))??;
+                packing = begun.elapsed().as_secs_f64();
+                shared
+            }
             Storage::SixteenBits => (matrix.clone(), matrix.n_bytes()),
             Storage::Single => (matrix.clone(), bytes_in_single(&matrix)),
         };
