@@ -21,6 +21,7 @@ use crate::illuminance::{AddedLux, FOOT_CANDLE_LX, LuxFigures, lux_words, of_gri
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
 use crate::table::text_cell;
+use crate::platform::memory_bytes;
 
 /// What the sensors of a grid say.
 struct Readings<'a> {
@@ -53,7 +54,7 @@ pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answe
         spare_look(output, args.look.as_deref(), &document)?;
     }
     let place = args.output.as_deref().map(PendingFile::create).transpose()?;
-    let bake = archive::read(&args.transport)
+    let bake = archive::read_within(memory_bytes(), &args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     let basis = &bake.header.basis;
     let look = args.choice.of(&or_of_file(document, args.look.as_deref(), basis), Some(basis))?;

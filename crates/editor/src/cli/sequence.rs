@@ -23,6 +23,7 @@ use crate::look::timeline::FPS;
 use crate::sequence::{Pattern, Sequence};
 use crate::session::lamps::LampView;
 use crate::stills::{Stills, Subject};
+use crate::platform::memory_bytes;
 
 /// Which frames of a timeline are written.
 #[derive(Clone, Debug, Default, Args)]
@@ -87,7 +88,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
 
     let interrupt = console.interrupt.heeded()?;
     let graphics = open_graphics(options.device)?;
-    let bake = archive::read(&args.transport)
+    let bake = archive::read_within(memory_bytes(), &args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     let header = bake.header.clone();
     let file = sequence.options.window([header.width, header.height])?;

@@ -28,6 +28,7 @@ use crate::solve::{
     AtPixel, Freedom, LampColumn, Place, Request, Scene, TargetPicture, Wish, at_point, may_change, solve,
 };
 use crate::words::in_words;
+use crate::platform::memory_bytes;
 
 pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let mut look = load_look(args.look.as_deref(), console)?;
@@ -36,7 +37,7 @@ pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     spare_inputs(&args.output, inputs.into_iter().filter_map(|(what, path)| Some((what, path?.as_path()))))?;
     spare_look(&args.output, None, &look)?;
     let place = PendingFile::create(&args.output)?;
-    let bake = archive::read(&args.transport)
+    let bake = archive::read_within(memory_bytes(), &args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     look = or_of_file(look, args.look.as_deref(), &bake.header.basis);
     warn_of_unknown_lights(&bake.header.basis, &look, console);

@@ -197,7 +197,7 @@ fn noisy(desk: &Desk, path: &Path, goals: &mut Goals) -> Result<String> {
         goals.at_least(at("worst block, dB"), target_db - 4.0, judged.worst_db(), format!("{:.1}", judged.worst_db()));
         goals.at_most(at("seams"), 1.2, judged.seams, format!("{:.2}", judged.seams));
         let told = 100.0 * judged.told_well();
-        goals.at_least(at("errors told to 0.8 … 1.25, %"), 90.0, told, format!("{told:.0}"));
+        goals.at_least(at("errors that the halves tell to 0.8 … 1.25, %"), 90.0, told, format!("{told:.0}"));
     }
     let what = "`mixed`: noisy halves to the converged matrix, dB, best of what was asked";
     goals.at_least(what.into(), 31.0, best, format!("{best:.1}, their mean: {before:.1}"));
@@ -261,7 +261,7 @@ impl Goals {
         push("seams", "≤ 1.2".into(), ours.judged.seams <= 1.2, &|coded| format!("{:.2}", coded.judged.seams));
         let told = ours.judged.told_well();
         push(
-            "errors told to 0.8 … 1.25, where there is no noise to judge",
+            "errors that the halves tell to 0.8 … 1.25, where there is no noise to judge",
             "≥ 90 %".into(),
             told >= 0.9,
             &|coded| format!("{:.0} %", 100.0 * coded.judged.told_well()),
