@@ -41,9 +41,7 @@ use self::{
     quantize::{Coefficients, Rounded, quarters_between, restore, step_of},
     tables::Tables,
 };
-use crate::{
-    codec::CodecError, compress::shade, factors::BlockFactors, low_rank::BlockLowRank, random::Random,
-};
+use crate::{codec::CodecError, compress::shade, factors::BlockFactors, low_rank::BlockLowRank, random::Random};
 
 pub use layout::ColumnRun;
 pub use product::PackedProduct;
@@ -119,7 +117,8 @@ impl PackedMatrix {
             Ok(nth) => Some(bytes(&told[nth])),
             Err(_) => packer.unrounded(block_idx).map(|block| bytes(&packer.rounded(&block, step))),
         };
-        let blocks = (0..matrix.blocks.len()).into_par_iter().map(|block_idx| block(block_idx).unwrap_or_default()).collect();
+        let blocks =
+            (0..matrix.blocks.len()).into_par_iter().map(|block_idx| block(block_idx).unwrap_or_default()).collect();
         let direction = packer.direction;
         Self { tables, step, direction, blocks, layout }
     }

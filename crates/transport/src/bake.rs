@@ -199,7 +199,18 @@ impl Default for BakeConfig {
         let (indirect, method) = (Indirect::default(), Method::default());
         let (spp, tolerance_db) = (256, 40.0);
         let (patches, denoise, smooth) = (0, true, true);
-        BakeConfig { spp, tolerance_db, bounces: None, seed: 0, indirect, method, patches, denoise, smooth, block: SIDE }
+        BakeConfig {
+            spp,
+            tolerance_db,
+            bounces: None,
+            seed: 0,
+            indirect,
+            method,
+            patches,
+            denoise,
+            smooth,
+            block: SIDE,
+        }
     }
 }
 

@@ -28,8 +28,8 @@ use crate::look::Look;
 use crate::look::scene::SceneChoice;
 pub(super) use parse::parse_panel;
 use parse::{
-    parse_block, parse_ies, parse_method, parse_patches, parse_seconds, parse_sensors, parse_size, parse_sun_size, parse_tolerance,
-    parse_work_plane,
+    parse_block, parse_ies, parse_method, parse_patches, parse_seconds, parse_sensors, parse_size, parse_sun_size,
+    parse_tolerance, parse_work_plane,
 };
 pub use tools::{CacheArgs, CompareArgs, InfoArgs, ScheduleArgs, SensorsArgs, SolveArgs};
 

@@ -20,8 +20,8 @@ use super::view::{load_look, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::illuminance::{AddedLux, FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
-use crate::table::text_cell;
 use crate::platform::memory_bytes;
+use crate::table::text_cell;
 
 /// What the sensors of a grid say.
 struct Readings<'a> {

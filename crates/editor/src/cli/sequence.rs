@@ -20,10 +20,10 @@ use super::relight::open_graphics;
 use super::view::{load_look, warn_of_unknown_lights};
 use crate::look::lamps::resolve;
 use crate::look::timeline::FPS;
+use crate::platform::memory_bytes;
 use crate::sequence::{Pattern, Sequence};
 use crate::session::lamps::LampView;
 use crate::stills::{Stills, Subject};
-use crate::platform::memory_bytes;
 
 /// Which frames of a timeline are written.
 #[derive(Clone, Debug, Default, Args)]

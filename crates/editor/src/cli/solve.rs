@@ -22,13 +22,13 @@ use super::view::{load_look, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::look::Look;
 use crate::marks::{Framing, Seen};
 use crate::output::{PendingFile, spare_inputs};
+use crate::platform::memory_bytes;
 use crate::solve::kept::{Here, Pictures};
 use crate::solve::parse::{self, Surroundings};
 use crate::solve::{
     AtPixel, Freedom, LampColumn, Place, Request, Scene, TargetPicture, Wish, at_point, may_change, solve,
 };
 use crate::words::in_words;
-use crate::platform::memory_bytes;
 
 pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let mut look = load_look(args.look.as_deref(), console)?;

@@ -199,7 +199,11 @@ mod tests {
 
     #[test]
     fn what_came_back_stays_when_it_is_written_again() {
-        let entries = [1.0, 0.37, -2e9, 1e-30, f32::MAX, f32::MIN, f32::from_bits(1)].map(|value| SparseEntry { row: 2, col: 0, value });
+        let entries = [1.0, 0.37, -2e9, 1e-30, f32::MAX, f32::MIN, f32::from_bits(1)].map(|value| SparseEntry {
+            row: 2,
+            col: 0,
+            value,
+        });
         for entry in entries {
             let once = there_and_back(&[entry], 3, 6, 1);
             assert_eq!(there_and_back(&once, 3, 6, 1), once);

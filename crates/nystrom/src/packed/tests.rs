@@ -198,7 +198,7 @@ fn blocks_between_thousands_of_empty_or_dark_ones_are_stored_as_exactly_as_asked
     let lone = |block_idx: usize| if block_idx == 1234 { 1.0 } else { 0.0 };
     let third = |block_idx: usize| if block_idx % 3 == 1 { 1.0 } else { 0.0 };
     let half = |block_idx: usize| if block_idx % 40 < 20 { 1.0 } else { 0.0 };
-    let dark_third = |block_idx: usize| if block_idx % 3 == 0 { 1e-3 } else { 1.0 };
+    let dark_third = |block_idx: usize| if block_idx.is_multiple_of(3) { 1e-3 } else { 1.0 };
     let strips: [(&str, &dyn Fn(usize) -> f32); 4] =
         [("lone", &lone), ("third", &third), ("half", &half), ("dark third", &dark_third)];
     for (name, size) in strips {

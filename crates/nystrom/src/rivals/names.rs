@@ -105,9 +105,9 @@ impl Method {
             Method::Kernel { .. } => Some(
                 "its entries are roots of a product, which no factors give: every product with a vector takes all entries",
             ),
-            Method::CompressedSensing => {
-                Some("each row has a few coefficients of its own in Haar's basis: enough for products, but no factors of a low rank")
-            }
+            Method::CompressedSensing => Some(
+                "each row has a few coefficients of its own in Haar's basis: enough for products, but no factors of a low rank",
+            ),
             _ => None,
         }
     }

@@ -32,8 +32,7 @@ const RATIOS: [(&str, f64, f64); 4] =
 const ROUNDS: usize = 3;
 /// Tolerances that noisy halves are asked for, in dB, and who is asked beside us: they know no noise from signal, and are told the mean.
 const NOISY: [f64; 4] = [25.0, 30.0, 35.0, 40.0];
-const BESIDE_NOISE: [Method; 3] =
-    [Method::Svd, Method::Alg4(Core::PseudoInverse { rcond: RCONDS[0] }), Method::RowId];
+const BESIDE_NOISE: [Method; 3] = [Method::Svd, Method::Alg4(Core::PseudoInverse { rcond: RCONDS[0] }), Method::RowId];
 
 /// One method's results.
 type Results = Vec<(Method, Result<Coded>)>;
@@ -208,7 +207,8 @@ fn noisy(desk: &Desk, path: &Path, goals: &mut Goals) -> Result<String> {
         best = best.max(decibels(coded.judged.mean_square()));
         rows += &format!("| {target_db} dB {}\n", cells(&subject, target_db, &coded));
         let others: Results = BESIDE_NOISE.map(|method| coded_by(desk, method, &subject, target_db)).into();
-        rows += &others.iter().map(|of| format!("| {target_db} dB, {}", row(&subject, target_db, of))).collect::<String>();
+        rows +=
+            &others.iter().map(|of| format!("| {target_db} dB, {}", row(&subject, target_db, of))).collect::<String>();
         let beside = |value: &dyn Fn(&Judged) -> f64| {
             let value = |coded: &Coded| format!("{:.1}", value(&coded.judged));
             others.iter().map(|of| words_of(of, &value)).collect::<Vec<_>>().join(", ")
