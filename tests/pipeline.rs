@@ -190,6 +190,24 @@ fn the_same_bake_gives_the_same_bytes() {
 }
 
 #[test]
+fn how_a_bake_was_asked_for_stands_in_its_file() {
+    let desk = Desk::new();
+    let config = |rest: &str| {
+        desk.json(&format!("bake @room.glb -o @a.transport --fresh --size 20x18 --spp 4 {rest}"));
+        let transport = desk.json("info @a.transport");
+        let config = &transport["config"];
+        (transport["blocks"].clone(), ["denoise", "smooth", "block"].map(|name| config[name].clone()))
+    };
+    let usual = config("");
+    assert_eq!(usual.1, [json!(true), Value::Null, Value::Null]);
+    assert_eq!(config("--no-denoise").1, [json!(false), Value::Null, Value::Null]);
+    assert_eq!(config("--exact").1, [json!(false), json!(false), Value::Null]);
+    let (blocks, config) = config("--block 8");
+    assert_eq!(config, [json!(true), Value::Null, json!(8)]);
+    assert_eq!((usual.0.as_u64(), blocks.as_u64()), (Some(4), Some(9)));
+}
+
+#[test]
 fn compare_refuses_other_sizes_and_finds_no_difference_in_equals() {
     let desk = Desk::new();
     desk.json("trace @room.glb -o @small.exr --size 8x6 --spp 1");

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clerestory_nystrom::rivals::Method;
-use clerestory_transport::bake::{Bake, Passes};
+use clerestory_transport::bake::{Bake, Passes, SIDE};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::Film;
 use clerestory_transport::import::{self, Choice};
@@ -18,6 +18,7 @@ use crate::cli::{Answer, Console, nothing_kept};
 use crate::export::{ExportOptions, Picture};
 use crate::look::Look;
 use crate::look::scene::SceneChoice;
+use crate::platform::memory_bytes;
 
 /// The built-in scene, a gallery with daylight high in the wall.
 pub const GALLERY: &[u8] = include_bytes!("../../../assets/scenes/gallery.glb");
@@ -93,6 +94,7 @@ fn scene_or_gallery(scene: Option<&Path>, name: &str, console: &mut Console) -> 
 fn images(folder: &Path, console: &mut Console) -> Result<Baked> {
     let options = options();
     let job = stack_job(&open_stack(folder, console)?, &options);
+    job.check_memory(memory_bytes())?;
     let (bake, times) = run_with_progress(console, &options, &nothing_kept, |on_event| job.run(on_event))?;
     let looks = plain_looks(&bake.header.basis);
     Ok((bake, times, options, looks))
@@ -121,7 +123,8 @@ fn options() -> BakeOptions {
     let (sky_patches, method) = (None, Method::default());
     let (tolerance, seconds) = (40.0, None);
     let (fast, exact, no_denoise) = (true, false, false);
-    BakeOptions { view, sky_patches, tolerance, seconds, fast, exact, no_denoise, patches: 0, method, fresh: true }
+    let (patches, block, fresh) = (0, SIDE, true);
+    BakeOptions { view, sky_patches, tolerance, seconds, fast, exact, no_denoise, patches, method, block, fresh }
 }
 
 fn gallery_looks() -> Result<Vec<(&'static str, Look)>> {

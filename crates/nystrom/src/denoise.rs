@@ -1,7 +1,7 @@
 //! Noise taken out of whole matrices: bundles that lie near each other and are alike tell each other what they are.
 //!
 //! Truncation removes noise that the columns do not have in common, a block at a time; what lies in the leading components
-//! stays, and under the light that is asked for most that is all of it. Here each left factor is held against means over
+//! stays, and in the product that is asked for most that is all of it. Here each left factor is held against means over
 //! bundles around it, across the borders of blocks, each weighed by how alike somebody expects it to be
 //! \[Eisemann2004, Petschnigg2004\]. The coefficients of a neighbor are brought into the basis of the block by the product of
 //! both right factors, so that no entry of the matrix is ever made.
@@ -14,10 +14,10 @@
 //! ```
 //! \[Stein1981\], whatever noise the rows have in common. Of the mixtures of m itself and three means, of small, middle and large reach,
 //! the one with the least of that is taken, for each component of each block: three numbers that 768 rows decide. One that
-//! smoothing would harm, a sharp shadow say, stays as it was sampled.
+//! smoothing would harm, a sharp edge say, stays as it was sampled.
 //!
-//! **Decision.** Weights of neighbors never depend on samples: means over bright and dark ones alike keep the light that is there.
-//! **Refused:** weights that fall where a sample stands out; they make rare bright light darker than it is.
+//! **Decision.** Weights of neighbors never depend on samples: means over great and small ones alike keep the sum that is there.
+//! **Refused:** weights that fall where a sample stands out; they make less of what is rare and great.
 
 mod around;
 #[cfg(test)]

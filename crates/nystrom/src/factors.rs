@@ -8,10 +8,12 @@ use crate::matrix::SparseEntry;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BlockError {
     /// What the chosen rank leaves out whatever the noise does: the product of what two fits, each to one half of the
-    /// samples, miss of their halves (so that noise does not count; a single block's figure can be negative).
+    /// samples, miss of their halves (so that noise does not count; a single block's figure can be negative). Of a block that was
+    /// [smoothed](crate::Smoothing) that of the smoothed halves, never negative, and what its weights are expected to lose.
     pub truncation: f32,
     /// Sampling noise that stays in the factors, that which turned the bases included: a quarter of the squared difference
-    /// of the two fits. Together with `truncation` it is an unbiased figure for the mean of the two fits.
+    /// of the two fits. Where nothing was smoothed or [denoised](crate::Denoiser), it is together with `truncation` an unbiased
+    /// figure for the mean of the two fits.
     pub sampling: f32,
     /// Sampling noise of the entries as they were sampled, before compression.
     pub noise: f32,
@@ -123,6 +125,7 @@ impl BlockFactors {
     /// The product with a vector of one value per column: one value per row.
     pub fn apply(&self, x: &[f32]) -> Vec<f32> {
         let (rank, n_cols) = (self.rank as usize, self.n_cols as usize);
+        assert!(x.len() == n_cols, "a vector of {} values does not fit {n_cols} columns", x.len());
         let inner = |r: usize| -> f32 {
             let right = &self.right[r * n_cols..][..n_cols];
             self.scale[r] * right.iter().zip(x).map(|(right, x)| right.to_f32() * x).sum::<f32>()

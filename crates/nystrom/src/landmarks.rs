@@ -14,7 +14,8 @@ pub enum Selection {
     Alg2,
     /// Random rows and random columns.
     Alg3,
-    /// Random columns, rows by k-means over them, columns by k-means over these rows, rows again; the union of all.
+    /// Random columns, half of the rows by k-means over them, all columns by k-means over these rows, and the other rows by
+    /// k-means over those; the first columns are no landmarks.
     #[default]
     Alg4,
 }
@@ -85,7 +86,7 @@ pub(crate) fn choose_from<T: Real>(
 }
 
 impl<T: Real> Candidates<'_, T> {
-    /// Algorithm 4: rows and columns in turn, two rounds.
+    /// Algorithm 4: rows and columns in turn, two rounds; the rows of both are united.
     fn alternate(&self, n_bundles: usize, n_columns: usize, rng: &mut Random) -> Landmarks {
         let all_columns: Vec<usize> = (0..self.n_cols).collect();
         let first_columns = rng.choose(&all_columns, N_FIRST_COLUMNS.max(n_columns / 2));

@@ -8,6 +8,8 @@
 //! [`BlockLowRank`] holds all blocks and multiplies; [`codec`] turns a block into bytes as it is, [`PackedMatrix`] all of them into
 //! a tenth as many.
 //!
+//! Apart from all that, [`bounded`] finds least squares within bounds, for those who ask which vector makes a product what they wish.
+//!
 //! It knows neither what rows and columns mean nor where samples come from; it opens no file, prints nothing, and leaves no
 //! thread behind. The dense matrix never exists as a whole: a few copies of one block per thread are all there is.
 //!

@@ -1,7 +1,7 @@
 //! A compressed matrix as few bytes: what remains of each block's factors after a cosine transform, rounded to a common step
 //! and entropy-coded.
 //!
-//! A block's left factors are pictures of its tile, its right factors often pictures of a grid of columns: smooth for the
+//! A block's left factors are functions on its tile, its right factors often functions on a grid of columns: smooth for the
 //! most part. Orthogonal components are transformed along the rows and columns of their grids \[Ahmed1974\], rounded so that the
 //! error asked for is just met, and coded \[Duda2013\] with tables that the whole matrix shares, each coefficient under the
 //! magnitude of its known neighbors. One product (that with [`PackPlan::preserved`]) is kept apart, to a share of itself. Blocks can
@@ -41,7 +41,7 @@ use self::{
     quantize::{Coefficients, Rounded, quarters_between, restore, step_of},
     tables::Tables,
 };
-use crate::{codec::CodecError, compress::shade, factors::BlockFactors, low_rank::BlockLowRank};
+use crate::{codec::CodecError, compress::shade, factors::BlockFactors, low_rank::BlockLowRank, random::Random};
 
 pub use layout::ColumnRun;
 pub use product::PackedProduct;
@@ -54,13 +54,15 @@ const WORST_BLOCK: f64 = 2.5;
 const OF_HALVES: f64 = 1.0 / (1 << 22) as f64;
 /// Octaves in quarters that such a block may be finer than the others.
 const FINEST: i32 = -60;
-/// Blocks that tell how fine the common step and the tables are.
+/// Blocks with components that tell how fine the common step and the tables are.
 const N_TELLING: usize = 1024;
 /// Steps of the search for the common step, each half as wide as the one before.
 const N_HALVINGS: usize = 14;
 /// Corrections of that step, and about the power of the error that it goes with.
 const N_CORRECTIONS: usize = 3;
 const STEP_PER_ERROR: f64 = 0.6;
+/// A step of 0 would give nothing back.
+const LEAST_STEP: f32 = f32::from_bits(1);
 
 /// How a matrix is packed.
 #[derive(Clone, Debug, PartialEq)]
@@ -100,34 +102,30 @@ impl PackedMatrix {
             matrix.n_cols
         );
         let packer = Packer::new(matrix, &layout, plan);
-        // Blocks all over the matrix; in one that has few, all of them.
-        let n_blocks = matrix.blocks.len();
-        let n_there = matrix.blocks.iter().flatten().count();
-        let stride = n_there.div_ceil(N_TELLING).max(1);
-        let telling = (0..n_blocks).into_par_iter().step_by(stride);
-        let telling: Vec<Option<Unrounded<'_>>> = telling.map(|block_idx| packer.unrounded(block_idx)).collect();
-        let step = packer.common_step(&telling.iter().flatten().collect::<Vec<_>>());
-        let told = telling.par_iter().map(|block| Some(packer.rounded(block.as_ref()?, step)));
-        let told: Vec<Option<RoundedBlock<'_>>> = told.collect();
+        let telling = telling(matrix);
+        let unrounded = telling.par_iter().filter_map(|&block_idx| packer.unrounded(block_idx));
+        let unrounded: Vec<Unrounded<'_>> = unrounded.collect();
+        let step = packer.common_step(&unrounded).or_else(|| packer.least_step()).unwrap_or(0.0);
+        let told: Vec<RoundedBlock<'_>> = unrounded.par_iter().map(|block| packer.rounded(block, step)).collect();
         let tables = packer.tables(&told);
         let bytes = |block: &RoundedBlock<'_>| -> Arc<[u8]> {
             let mut out = Encoder::new(&tables);
             block.write(&layout, &mut out);
             out.finish().into()
         };
-        #[expect(clippy::arithmetic_side_effects, reason = "the stride is at least 1")]
-        let block = |block_idx: usize| match block_idx % stride {
-            0 => told[block_idx / stride].as_ref().map(bytes),
-            _ => packer.unrounded(block_idx).map(|block| bytes(&packer.rounded(&block, step))),
+        let block = |block_idx: usize| match telling.binary_search(&block_idx) {
+            Ok(nth) => Some(bytes(&told[nth])),
+            Err(_) => packer.unrounded(block_idx).map(|block| bytes(&packer.rounded(&block, step))),
         };
-        let blocks = (0..n_blocks).into_par_iter().map(|block_idx| block(block_idx).unwrap_or_default()).collect();
+        let blocks =
+            (0..matrix.blocks.len()).into_par_iter().map(|block_idx| block(block_idx).unwrap_or_default()).collect();
         let direction = packer.direction;
         Self { tables, step, direction, blocks, layout }
     }
 
-    /// Of so many blocks, those that [`pack`](Self::pack) holds unpacked and packed at the same time.
+    /// Of so many blocks, those with components that [`pack`](Self::pack) holds unpacked and packed at the same time, at most.
     pub fn n_telling(n_blocks: usize) -> usize {
-        n_blocks.div_ceil(n_blocks.div_ceil(N_TELLING).max(1))
+        n_blocks.min(N_TELLING)
     }
 
     /// The factors of all blocks.
@@ -187,6 +185,22 @@ impl PackedMatrix {
     }
 }
 
+/// Blocks all over a matrix that tell how fine it is to be stored, in order: some of those with components, and as large a share
+/// of the empty ones, which need nothing of what is allowed; all of them where few have any. At random: a stride would
+/// meet the same tiles of each row again and again.
+#[expect(clippy::arithmetic_side_effects, reason = "counts of blocks that lie in memory")]
+fn telling(matrix: &BlockLowRank) -> Vec<usize> {
+    let rank = |block_idx: usize| matrix.blocks[block_idx].as_ref().map(|block| block.rank);
+    let there = (0..matrix.blocks.len()).filter(|&block_idx| rank(block_idx).is_some());
+    let (filled, empty): (Vec<usize>, Vec<usize>) = there.partition(|&block_idx| rank(block_idx) > Some(0));
+    let share = |of: &[usize]| (of.len() * N_TELLING).div_ceil(filled.len().max(N_TELLING));
+    let mut rng = Random::new([filled.len() as u64, 0]);
+    let mut telling = rng.choose(&filled, share(&filled));
+    telling.extend(rng.choose(&empty, share(&empty)));
+    telling.sort_unstable();
+    telling
+}
+
 /// A matrix that is being packed.
 struct Packer<'a> {
     matrix: &'a BlockLowRank,
@@ -231,8 +245,8 @@ impl<'a> Packer<'a> {
         Some(Unrounded { block_idx, factors, coefficients, kept, own_error, shade, allowed })
     }
 
-    /// The coarsest step for which some blocks together stay within their budgets.
-    fn common_step(&self, blocks: &[&Unrounded<'_>]) -> f32 {
+    /// The coarsest step for which some blocks together stay within their budgets; `None` where none has components.
+    fn common_step(&self, blocks: &[Unrounded<'_>]) -> Option<f32> {
         // One after the other, so that sums do not depend on the threads.
         let sum = |mean_squares: Vec<f64>| -> f64 {
             blocks.iter().zip(mean_squares).map(|(block, x)| x * block.coefficients.n_entries()).sum()
@@ -240,12 +254,12 @@ impl<'a> Packer<'a> {
         let budget = sum(blocks.iter().map(|block| block.budget()).collect());
         let per_entry = budget / sum(vec![1.0; blocks.len()]);
         let first = blocks.iter().map(|block| block.coefficients.step_for(per_entry)).filter(|step| step.is_finite());
-        let (Some(least), Some(most)) = (first.clone().reduce(f64::min), first.reduce(f64::max)) else { return 0.0 };
+        let (least, most) = (first.clone().reduce(f64::min)?, first.reduce(f64::max)?);
         // Coefficients that round to 0 err less than a step's worth: the true step may be much coarser.
         let (mut low, mut high) = (0.5 * least, 256.0 * most);
         for _ in 0..N_HALVINGS {
             let middle = (low * high).sqrt();
-            let error = |block: &&Unrounded<'_>| {
+            let error = |block: &Unrounded<'_>| {
                 let step = step_of(middle as f32, block.quarters());
                 block.coefficients.error(step).min(block.most())
             };
@@ -254,7 +268,7 @@ impl<'a> Packer<'a> {
         // That was the weighted error, and components were chosen by other weights; the plain one is somewhat different.
         let mut step = low;
         for _ in 0..N_CORRECTIONS {
-            let error = |block: &&Unrounded<'_>| {
+            let error = |block: &Unrounded<'_>| {
                 let (.., error) = self.round(block, step_of(step as f32, block.quarters()));
                 error.min(block.most())
             };
@@ -263,7 +277,14 @@ impl<'a> Packer<'a> {
                 step *= (budget / error).powf(STEP_PER_ERROR).clamp(0.5, 2.0);
             }
         }
-        step as f32
+        Some((step as f32).max(LEAST_STEP))
+    }
+
+    /// The step that the worst allowed of every block asks for; `None` where none has components.
+    fn least_step(&self) -> Option<f32> {
+        let blocks = (0..self.matrix.blocks.len()).into_par_iter().filter_map(|block_idx| self.unrounded(block_idx));
+        let steps = blocks.map(|block| block.coefficients.step_for(block.most())).filter(|step| step.is_finite());
+        steps.reduce_with(f64::min).map(|step| (step as f32).max(LEAST_STEP))
     }
 
     /// A block for a step, and the mean square error that this adds.
@@ -309,7 +330,7 @@ impl<'a> Packer<'a> {
 
     /// Tables that fit some blocks.
     #[expect(clippy::arithmetic_side_effects, reason = "no symbol of a matrix that lies in memory comes 2^32 times")]
-    fn tables(&self, blocks: &[Option<RoundedBlock<'_>>]) -> Tables {
+    fn tables(&self, blocks: &[RoundedBlock<'_>]) -> Tables {
         let none = || Counter { counts: vec![[0; 16]; N_TABLES] };
         let count = |mut counter: Counter, block: &RoundedBlock<'_>| {
             block.write(self.layout, &mut counter);
@@ -319,7 +340,7 @@ impl<'a> Packer<'a> {
             a.counts.as_flattened_mut().iter_mut().zip(b.counts.as_flattened()).for_each(|(a, b)| *a += b);
             a
         };
-        Tables::from_counts(&blocks.par_iter().flatten().fold(none, count).reduce(none, sum).counts)
+        Tables::from_counts(&blocks.par_iter().fold(none, count).reduce(none, sum).counts)
     }
 }
 

@@ -83,7 +83,7 @@ pub enum Method {
     Alg2(Core),
     /// Random rows and random columns.
     Alg3(Core),
-    /// Rows and columns by k-means in turn; the union of all.
+    /// Rows and columns by k-means in turn; rows of two rounds, united.
     Alg4(Core),
     /// Nyström's method after a power of every entry \[Wang2009\]; rows and columns as in Algorithm 4.
     Kernel {

@@ -2,7 +2,7 @@
 
 use crate::{
     dense::Dense,
-    factors::{BlockError, BlockFactors},
+    factors::{BlockError, BlockFactors, power_of_two},
     means::Means,
 };
 
@@ -45,15 +45,41 @@ impl Unpacked {
         self.truncation + self.sampling
     }
 
-    /// Rounds the factors. A mean square beyond the range of `f32` is told as the last number of that range.
+    /// Rounds the factors. A scale or a mean square beyond the range of `f32` becomes the last one of that range.
     pub(crate) fn packed(&self) -> BlockFactors {
         let (left, right) = (&self.left, &self.right);
         let mut factors = BlockFactors::from_f32(&left.data, &right.data, left.n_rows, right.n_cols, left.n_cols)
             .with_doubt(&self.doubt.data, &left.data);
-        factors.scale.iter_mut().for_each(|scale| *scale = (f64::from(*scale) * self.unit) as f32);
+        let greatest = power_of_two(f32::MAX_EXP - 1);
+        factors.scale.iter_mut().for_each(|scale| *scale = (f64::from(*scale) * self.unit).min(greatest) as f32);
         let [truncation, sampling, noise] = [self.truncation + self.packing, self.sampling, self.noise]
             .map(|x| (x * self.unit * self.unit).clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32);
         factors.error = BlockError { truncation, sampling, noise };
         factors
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_scale_is_infinite_however_large_the_unit() {
+        let one = |x: f32| Dense { n_rows: 1, n_cols: 1, data: vec![x] };
+        let unit = power_of_two(127);
+        let of = |x: f32| Unpacked {
+            left: one(x),
+            doubt: one(0.0),
+            right: one(1.0),
+            unit,
+            truncation: 0.0,
+            sampling: 0.0,
+            noise: 0.0,
+            packing: 0.0,
+        };
+        assert_eq!(of(1.5).packed().scale, [2f32.powi(127)]);
+        let beyond = of(6.0).packed();
+        assert!(beyond.scale == [2f32.powi(127)] && beyond.entry(0, 0).is_finite(), "{beyond:?}");
+        assert_eq!(of(0.0).packed().entry(0, 0), 0.0);
     }
 }

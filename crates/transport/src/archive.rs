@@ -84,12 +84,14 @@ pub enum ArchiveError {
         what: String,
     },
     /// More than is believed of a file, whose bytes may stand for a thousand times as many.
-    #[error("`{path}` would take {gigabytes} GB of memory; a bake may take {max}", max = MAX_UNPACKED_BYTES >> 30)]
+    #[error("`{path}` would take {gigabytes} GB of memory; a bake may take {most} here")]
     TooLarge {
         /// Which file.
         path: PathBuf,
         /// Memory of its factors.
         gigabytes: u64,
+        /// Memory that is believed.
+        most: u64,
     },
     /// A half-done bake of something else is in the way.
     #[error("`{path}` belongs to another bake ({difference}); finish that one, or start over with --fresh")]
@@ -312,7 +314,15 @@ fn finish(out: BufWriter<File>, path: &Path) -> Result<(), ArchiveError> {
 /// # Errors
 /// See [`ArchiveError`].
 pub fn read(path: &Path) -> Result<Bake, ArchiveError> {
-    decode(&fs::read(path).map_err(at("cannot read", path))?, path)
+    read_within(None, path)
+}
+
+/// The same on a machine that has so much memory, bytes, where that is known: a file whose factors would take more is refused.
+///
+/// # Errors
+/// See [`ArchiveError`].
+pub fn read_within(memory_bytes: Option<u64>, path: &Path) -> Result<Bake, ArchiveError> {
+    decode_within(memory_bytes, &fs::read(path).map_err(at("cannot read", path))?, path)
 }
 
 /// Reads a finished bake from memory; `path` is for people.
@@ -320,9 +330,14 @@ pub fn read(path: &Path) -> Result<Bake, ArchiveError> {
 /// # Errors
 /// See [`ArchiveError`].
 pub fn decode(bytes: &[u8], path: &Path) -> Result<Bake, ArchiveError> {
+    decode_within(None, bytes, path)
+}
+
+fn decode_within(memory_bytes: Option<u64>, bytes: &[u8], path: &Path) -> Result<Bake, ArchiveError> {
     let (header, offset, blocks) = parse_header(MAGIC, bytes, path)?;
     if blocks == Blocks::Packed {
-        return decode_packed(header, &bytes[offset..], path);
+        let most = memory_bytes.unwrap_or(u64::MAX).min(MAX_UNPACKED_BYTES);
+        return decode_packed(header, &bytes[offset..], path, most);
     }
     let n_blocks: usize = header.partitions().iter().map(Partition::n_blocks).sum();
     // An absent block too has its bytes, so that memory is asked for in proportion to the file alone.
@@ -344,9 +359,9 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Bake, ArchiveError> {
     Ok(Bake { header: Arc::new(header), groups, irradiance: matrices, packed: None })
 }
 
-/// Reads the packed matrices behind a header.
+/// Reads the packed matrices behind a header, unless their factors would take more than `most` bytes.
 #[expect(clippy::cast_possible_truncation, reason = "three")]
-fn decode_packed(header: BakeHeader, bytes: &[u8], path: &Path) -> Result<Bake, ArchiveError> {
+fn decode_packed(header: BakeHeader, bytes: &[u8], path: &Path, most: u64) -> Result<Bake, ArchiveError> {
     let wrong = |error: CodecError| damaged(path, error.to_string());
     if header.tile > MAX_TILE {
         return Err(damaged(path, "its header has impossibly large tiles".into()));
@@ -368,9 +383,9 @@ fn decode_packed(header: BakeHeader, bytes: &[u8], path: &Path) -> Result<Bake, 
     if !rest.is_empty() {
         return Err(damaged(path, "it is longer than its header says".into()));
     }
-    if n_unpacked > MAX_UNPACKED_BYTES {
-        let gigabytes = n_unpacked >> 30;
-        return Err(ArchiveError::TooLarge { path: path.into(), gigabytes });
+    if n_unpacked > most {
+        let (gigabytes, most) = (n_unpacked.div_ceil(1 << 30), most >> 30);
+        return Err(ArchiveError::TooLarge { path: path.into(), gigabytes, most });
     }
     Bake::unpacking(Arc::new(header), packed).map_err(wrong)
 }

@@ -119,6 +119,13 @@ pub struct BakeConfig {
     /// say that it helps. Bakes of before have none of it.
     #[serde(default)]
     pub denoise: bool,
+    /// Whether blocks that are noisier than asked are [smoothed](Smoothing). Without it nothing is done to single lights but
+    /// truncation, and a block may be worse than its samples.
+    #[serde(default = "yes", skip_serializing_if = "is_yes")]
+    pub smooth: bool,
+    /// Side of a block in pixels, one of [`SIDES`].
+    #[serde(default = "usual_side", skip_serializing_if = "is_usual_side")]
+    pub block: u32,
 }
 
 /// How the light that surfaces send to each other is found.
@@ -171,18 +178,60 @@ impl BakeConfig {
     pub(crate) fn samples_per_half(&self) -> u32 {
         (self.spp / 2).max(1)
     }
+
+    /// Greatest rank of a block. What other methods are asked to fit holds noise, which they do not know from signal: with every rank
+    /// open to them, most would take minutes for each block.
+    fn max_rank(&self) -> u32 {
+        match self.method {
+            Method::Projected | Method::Svd => most_rank(self.block),
+            _ => RIVAL_RANK,
+        }
+    }
+}
+
+/// Rows of a block, which no rank is above.
+fn most_rank(block: u32) -> u32 {
+    CHANNELS as u32 * block * block
 }
 
 impl Default for BakeConfig {
     fn default() -> Self {
         let (indirect, method) = (Indirect::default(), Method::default());
         let (spp, tolerance_db) = (256, 40.0);
-        BakeConfig { spp, tolerance_db, bounces: None, seed: 0, indirect, method, patches: 0, denoise: true }
+        let (patches, denoise, smooth) = (0, true, true);
+        BakeConfig {
+            spp,
+            tolerance_db,
+            bounces: None,
+            seed: 0,
+            indirect,
+            method,
+            patches,
+            denoise,
+            smooth,
+            block: SIDE,
+        }
     }
 }
 
 fn is_zero(n: &u32) -> bool {
     *n == 0
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn is_yes(answer: &bool) -> bool {
+    *answer
+}
+
+fn usual_side() -> u32 {
+    SIDE
+}
+
+fn is_usual_side(side: &u32) -> bool {
+    *side == SIDE
 }
 
 /// Which passes run before the last one.
@@ -230,8 +279,13 @@ const PREVIEW_DB: f32 = 24.0;
 /// as well as it under a light of its own.
 const BRIGHT: f32 = 0.25;
 
-/// Side of a block in pixels.
-pub const TILE: u32 = 16;
+/// Side of a block in pixels, unless another one is asked for.
+pub const SIDE: u32 = 16;
+/// Sides that may be asked for.
+pub const SIDES: [u32; 3] = [8, 16, 32];
+
+/// Greatest rank of a block by a method that is there for comparison.
+const RIVAL_RANK: u32 = 96;
 
 /// What there is to bake.
 #[derive(Clone)]
@@ -424,7 +478,7 @@ pub enum BakeEvent {
     PassDone {
         /// Pass that ended.
         pass: u32,
-        /// Error measured on held-out entries.
+        /// Error as its blocks tell it.
         error_db: ErrorDb,
     },
 }
@@ -523,7 +577,7 @@ impl BakeJob {
             view: (self.scene.lighting.basis.sky.is_some() || self.is_own_view()).then(|| self.camera.clone()),
             width: self.film.width,
             height: self.film.height,
-            tile: TILE,
+            tile: self.config.block,
             config: self.config.clone(),
             basis: self.scene.lighting.basis.clone(),
             column_scale,
@@ -599,9 +653,8 @@ impl BakeJob {
         if config.spp == 0 {
             return complain("a bake needs at least 1 sample per pixel");
         }
-        if !(0.0..=120.0).contains(&config.tolerance_db) {
-            return complain("the tolerance must be between 0 and 120 dB");
-        }
+        check_block(config.block)?;
+        check_tolerance(config.tolerance_db)?;
         if self.passes.deadline().is_some() && (config.patches > 0 || !self.irradiance.is_empty()) {
             return complain(
                 "a bake within a time has neither patches for movable lamps nor irradiance; limit its samples",
@@ -715,6 +768,7 @@ impl BakeJob {
             },
             seed: self.config.seed,
             method: self.config.method,
+            max_rank: self.config.max_rank(),
             bright: BRIGHT,
             ..CompressConfig::default()
         }
@@ -727,6 +781,14 @@ fn check_tolerance(tolerance_db: f32) -> Result<(), BakeError> {
         return Ok(());
     }
     Err(BakeError::Config { what: "the tolerance must be between 0 and 120 dB".into() })
+}
+
+/// Whether blocks may have a side.
+fn check_block(side: u32) -> Result<(), BakeError> {
+    if SIDES.contains(&side) {
+        return Ok(());
+    }
+    Err(BakeError::Config { what: format!("blocks have 8, 16 or 32 pixels to a side, not {side}") })
 }
 
 /// Mean square error of a tolerance, the peak of a column being 1.
@@ -930,7 +992,7 @@ impl Run<'_> {
         let tolerance_db = job.config.tolerance_of(samples);
         let mut config = job.compress_config(samples.unwrap_or(1), tolerance_db, &header.column_scale);
         if is_last {
-            config.smoothing = Some(header.smoothing(&partition));
+            config.smoothing = job.config.smooth.then(|| header.smoothing(&partition));
         } else {
             config.method = Method::default();
         }

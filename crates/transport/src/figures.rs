@@ -15,9 +15,10 @@ use crate::skips::Skip;
 /// Errors in dB below the columns' peaks: 10·log10(pk² / mean ΔT²) over all entries outside the sparse part.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ErrorDb {
-    /// What the chosen ranks leave out, measured on held-out samples: each half by the other.
+    /// What the chosen ranks leave out: each half of the samples judged by the other. Of blocks that were smoothed what is left
+    /// of the smoothed halves, and what smoothing is expected to lose.
     pub truncation: f32,
-    /// Sampling noise that stays in the factors.
+    /// Sampling noise that stays in the factors; where pixels tell each other, as Stein's estimate has it.
     pub sampling: f32,
     /// Sampling noise of the entries before compression.
     pub noise: f32,
@@ -113,7 +114,7 @@ pub struct Figures {
     /// How they are spread over these columns; `None` where the file does not tell.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub column_error_db: Option<ColumnErrorDb>,
-    /// The method, if its own form cannot relight.
+    /// The method, if the factors are none of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reconstruction: Option<Reconstruction>,
     /// Columns that free lamps light, if there are any.
@@ -125,13 +126,13 @@ pub struct Figures {
     pub skipped: Skipped,
 }
 
-/// A method whose own form cannot relight: the factors are all entries of what it makes of each block. The errors are its
+/// A method whose own form is no pair of factors: these are all entries of what it makes of each block. The errors are its
 /// own; ranks and sizes are not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Reconstruction {
     /// Name of the method.
     pub method: String,
-    /// Why its own form cannot relight, in words.
+    /// Why its own form is another one, in words.
     pub why: &'static str,
 }
 
@@ -166,7 +167,7 @@ pub fn error_db(groups: &[BlockLowRank], bias: Option<f32>) -> ErrorDb {
 }
 
 impl BakeConfig {
-    /// The method, if its own form cannot relight and a bake holds what it makes of each block in full.
+    /// The method, if its own form is no pair of factors and a bake holds what it makes of each block in full.
     pub fn reconstruction(&self) -> Option<Reconstruction> {
         Some(Reconstruction { method: self.method.to_string(), why: self.method.without_factors()? })
     }

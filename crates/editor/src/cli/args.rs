@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clerestory_nystrom::rivals::Method;
+use clerestory_transport::bake::SIDE;
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::import::Choice;
@@ -27,8 +28,8 @@ use crate::look::Look;
 use crate::look::scene::SceneChoice;
 pub(super) use parse::parse_panel;
 use parse::{
-    parse_ies, parse_method, parse_patches, parse_seconds, parse_sensors, parse_size, parse_sun_size, parse_tolerance,
-    parse_work_plane,
+    parse_block, parse_ies, parse_method, parse_patches, parse_seconds, parse_sensors, parse_size, parse_sun_size,
+    parse_tolerance, parse_work_plane,
 };
 pub use tools::{CacheArgs, CompareArgs, InfoArgs, ScheduleArgs, SensorsArgs, SolveArgs};
 
@@ -233,11 +234,12 @@ pub struct BakeOptions {
     /// pixels; the error says by how much, as measured on pixels that are traced as well.
     #[arg(long, conflicts_with = "exact")]
     pub fast: bool,
-    /// Follow the light between surfaces from every sample (the default), and leave the noise of pixels as it is: without bias.
+    /// Follow the light between surfaces from every sample (the default), and take no noise out, neither between pixels nor within
+    /// blocks: without bias but for what truncation leaves out.
     #[arg(long)]
     pub exact: bool,
-    /// Leave the noise of pixels as it is. By default pixels that show the same surface tell each other, as far as two halves of the
-    /// samples agree that it helps.
+    /// Take no noise out between pixels. By default pixels that show the same surface tell each other, as far as two halves of the
+    /// samples agree that it helps. Blocks that are noisier than asked are smoothed nevertheless, see --exact.
     #[arg(long)]
     pub no_denoise: bool,
     /// Also bake how free lamps light the scene by way of its surfaces, told apart into about N patches (4096 will do, at most
@@ -248,6 +250,9 @@ pub struct BakeOptions {
     /// `row-id`, `aca-full` or `alg4:qr`; a name that does not exist lists them all.
     #[arg(long, value_name = "NAME", default_value_t, value_parser = parse_method)]
     pub method: Method,
+    /// Side of the blocks in pixels, each of which has a rank of its own.
+    #[arg(long, value_name = "8|16|32", default_value_t = SIDE, value_parser = parse_block)]
+    pub block: u32,
     /// Start over, even if an earlier bake of the same name was stopped half way or could be taken over.
     #[arg(long)]
     pub fresh: bool,

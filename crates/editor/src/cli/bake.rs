@@ -23,6 +23,7 @@ use super::reuse::Earlier;
 use super::view::{View, inputs_of, load_look, on_threads, open_view, requested_sky, spare_look};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
+use crate::platform::memory_bytes;
 use crate::sizes::bytes_words;
 use crate::words::BLACK;
 
@@ -115,6 +116,7 @@ fn bake_images(folder: &Path, output: &Path, args: &BakeArgs, console: &mut Cons
     reserve(output, &inputs)?;
     let mut remarks = Vec::new();
     let job = stack_job(&stack, &args.options);
+    job.check_memory(memory_bytes())?;
     let kept = || kept_words(output, restart(&args.options));
     let baked = run_with_progress(console, &args.options, &kept, |on_event| {
         let Some(surveyed) = job.survey(on_event)? else { return Ok(None) };
@@ -135,8 +137,9 @@ pub(crate) fn open_stack(folder: &Path, console: &mut Console) -> Result<Arc<Ima
 
 /// The job that was asked for.
 pub(crate) fn stack_job(stack: &Arc<ImageStack>, options: &BakeOptions) -> StackJob {
-    let (tolerance_db, seed) = (options.tolerance, options.view.seed);
-    StackJob { stack: stack.clone(), tolerance_db, seed, memory_bytes: MEMORY_BYTES }
+    let BakeOptions { tolerance: tolerance_db, method, block, .. } = *options;
+    let (stack, seed) = (stack.clone(), options.view.seed);
+    StackJob { stack, tolerance_db, method, block, seed, memory_bytes: MEMORY_BYTES }
 }
 
 /// A place that cannot be written, or is an input, is found out before the long work, not after it.
@@ -183,6 +186,8 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
         method: options.method,
         patches: options.patches,
         denoise: !options.exact && !options.no_denoise,
+        smooth: !options.exact,
+        block: options.block,
     };
     let passes = options.seconds.map_or(passes, |limit| Passes::Until(Instant::now() + limit));
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes, irradiance: Vec::new() }
@@ -307,12 +312,12 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
     )
 }
 
-/// Which method could not relight in its own form, a line of its own; nothing where it can.
+/// Whose own form the file does not hold, a line of its own; nothing where it does.
 pub(super) fn reconstruction_words(reconstruction: &Value) -> String {
     let word = |name: &str| reconstruction[name].as_str();
     let Some((method, why)) = word("method").zip(word("why")) else { return String::new() };
     format!(
-        "\nmethod      {method} cannot relight in its own form: {why}; the file holds its reconstruction in full, so that the error \
+        "\nmethod      {method}: {why}; the file holds its reconstruction in full, so that the error \
          is the method's and ranks and size say nothing of it"
     )
 }

@@ -24,6 +24,7 @@ use super::console::{Answer, Console};
 use super::relight::frame_of;
 use super::view::{fault_words, import_scene, unsupported_words};
 use crate::look::Look;
+use crate::platform::memory_bytes;
 use crate::sizes::bytes_words;
 
 /// First bytes of a transport file.
@@ -234,7 +235,8 @@ fn stack(folder: &Path, console: &mut Console) -> Result<Answer> {
 
 fn transport(args: &InfoArgs) -> Result<Answer> {
     let path = args.file.as_path();
-    let bake = archive::read(path).with_context(|| format!("cannot read the transport {}", path.display()))?;
+    let bake = archive::read_within(memory_bytes(), path)
+        .with_context(|| format!("cannot read the transport {}", path.display()))?;
     let header = &bake.header;
     let figures = serde_json::to_value(bake.figures()).context("the figures of a bake always have a JSON form")?;
     let irradiance = bake.irradiance_figures();

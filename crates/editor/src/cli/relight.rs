@@ -28,7 +28,7 @@ use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
 use crate::illuminance::{AddedLux, seen_irradiance};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
-use crate::platform::may_have_gpu;
+use crate::platform::{may_have_gpu, memory_bytes};
 
 pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
     if args.frames.are_meant(&args.options.output) {
@@ -39,7 +39,7 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
         return sheet(args, console);
     }
     let mut target = Target::new(&args.options, console)?;
-    let bake = archive::read(&args.transport)
+    let bake = archive::read_within(memory_bytes(), &args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     target.look = chosen(&target.document, &args.options, &bake.header.basis, console)?;
     let paths = (args.options.look.as_deref(), args.scene.as_deref());

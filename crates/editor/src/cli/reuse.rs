@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 
 use super::args::BakeArgs;
 use super::console::Console;
+use crate::platform::memory_bytes;
 
 /// An earlier bake, and what of it is taken over.
 pub(super) struct Earlier {
@@ -27,7 +28,7 @@ impl Earlier {
         let is_wanted = !args.options.fresh;
         let path = args.reuse.as_deref().or_else(|| Some(output).filter(|output| is_wanted && is_filled(output)));
         let Some(path) = path else { return Ok(None) };
-        let bake = match archive::read(path) {
+        let bake = match archive::read_within(memory_bytes(), path) {
             Ok(bake) => bake,
             Err(error) if args.reuse.is_some() => {
                 return Err(error).context("cannot take anything over");

@@ -12,6 +12,7 @@ use super::console::{Answer, Console};
 use super::view::{load_look, load_scene, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::legend::number_words;
 use crate::output::{PendingFile, spare_inputs};
+use crate::platform::memory_bytes;
 use crate::schedule::Schedule;
 
 pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> {
@@ -21,8 +22,8 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
     let place = PendingFile::create(&args.output)?;
     let is_bake = args.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("transport"));
     let (basis, scene) = if is_bake {
-        let bake =
-            archive::read(&args.file).with_context(|| format!("cannot read the transport {}", args.file.display()))?;
+        let bake = archive::read_within(memory_bytes(), &args.file)
+            .with_context(|| format!("cannot read the transport {}", args.file.display()))?;
         ensure!(!bake.header.basis.is_measured(), "{} is of pictures, whose lights are no lamps", args.file.display());
         (bake.header.basis.clone(), None)
     } else {

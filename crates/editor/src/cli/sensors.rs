@@ -20,6 +20,7 @@ use super::view::{load_look, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::illuminance::{AddedLux, FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
+use crate::platform::memory_bytes;
 use crate::table::text_cell;
 
 /// What the sensors of a grid say.
@@ -53,7 +54,7 @@ pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answe
         spare_look(output, args.look.as_deref(), &document)?;
     }
     let place = args.output.as_deref().map(PendingFile::create).transpose()?;
-    let bake = archive::read(&args.transport)
+    let bake = archive::read_within(memory_bytes(), &args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     let basis = &bake.header.basis;
     let look = args.choice.of(&or_of_file(document, args.look.as_deref(), basis), Some(basis))?;

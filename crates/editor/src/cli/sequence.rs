@@ -20,6 +20,7 @@ use super::relight::open_graphics;
 use super::view::{load_look, warn_of_unknown_lights};
 use crate::look::lamps::resolve;
 use crate::look::timeline::FPS;
+use crate::platform::memory_bytes;
 use crate::sequence::{Pattern, Sequence};
 use crate::session::lamps::LampView;
 use crate::stills::{Stills, Subject};
@@ -87,7 +88,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
 
     let interrupt = console.interrupt.heeded()?;
     let graphics = open_graphics(options.device)?;
-    let bake = archive::read(&args.transport)
+    let bake = archive::read_within(memory_bytes(), &args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     let header = bake.header.clone();
     let file = sequence.options.window([header.width, header.height])?;

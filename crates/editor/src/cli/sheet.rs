@@ -17,6 +17,7 @@ use crate::contact_sheet::{Print, write_sheet};
 use crate::export::{ExportOptions, ImageFormat, Picture};
 use crate::look::Look;
 use crate::output::PendingFile;
+use crate::platform::memory_bytes;
 
 /// Relights under each of the looks and writes the sheet.
 pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
@@ -39,7 +40,7 @@ pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer>
             Ok((caption(path), path.as_path(), look))
         })
         .collect::<Result<_>>()?;
-    let bake = archive::read(&args.transport)
+    let bake = archive::read_within(memory_bytes(), &args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     let graphics = super::relight::open_graphics(args.options.device)?;
     let begun = Instant::now();

@@ -22,6 +22,7 @@ use super::view::{load_look, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::look::Look;
 use crate::marks::{Framing, Seen};
 use crate::output::{PendingFile, spare_inputs};
+use crate::platform::memory_bytes;
 use crate::solve::kept::{Here, Pictures};
 use crate::solve::parse::{self, Surroundings};
 use crate::solve::{
@@ -36,7 +37,7 @@ pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     spare_inputs(&args.output, inputs.into_iter().filter_map(|(what, path)| Some((what, path?.as_path()))))?;
     spare_look(&args.output, None, &look)?;
     let place = PendingFile::create(&args.output)?;
-    let bake = archive::read(&args.transport)
+    let bake = archive::read_within(memory_bytes(), &args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     look = or_of_file(look, args.look.as_deref(), &bake.header.basis);
     warn_of_unknown_lights(&bake.header.basis, &look, console);

@@ -399,7 +399,7 @@ fn figures_ui(
         (
             "Method",
             format!("{}, its reconstruction in full", of.method),
-            "It cannot relight in its own form: ranks and sizes say nothing of it",
+            "The file does not hold its own form: ranks and sizes say nothing of it",
         )
     });
     let on_device = device_bytes.map(|n| ("Graphics device", bytes_words(n), "Its memory that the picture takes"));

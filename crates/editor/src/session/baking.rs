@@ -15,6 +15,7 @@ use super::glimpse::{self, Glimpse};
 use super::task::{self, Task, words};
 use super::{BakeSettings, BakeState, Notice, Session, Shown, earlier};
 use crate::picture::Changed;
+use crate::platform::memory_bytes;
 
 /// Time between two counts of ranks and bytes while a bake runs.
 const FIGURES_EVERY: Duration = Duration::from_secs(1);
@@ -24,10 +25,14 @@ impl Session {
     pub fn start_bake(&mut self, settings: &BakeSettings, camera: Option<Camera>, passes: Passes) {
         if let Some(stack) = self.opened.as_ref().and_then(|opened| opened.stack.clone()) {
             self.stop_baking();
-            let BakeConfig { tolerance_db, seed, .. } = settings.config;
+            let BakeConfig { tolerance_db, seed, method, block, .. } = settings.config;
             self.history.clear();
             self.bake_began = Instant::now();
-            let job = StackJob { stack, tolerance_db, seed, memory_bytes: MEMORY_BYTES };
+            let job = StackJob { stack, tolerance_db, method, block, seed, memory_bytes: MEMORY_BYTES };
+            if let Err(why) = job.check_memory(memory_bytes()) {
+                self.bake = BakeState::Failed(why.to_string());
+                return;
+            }
             self.bake = BakeState::Preparing;
             self.baking = self.spawn("bake", move |post| task::bake_stack(job, post));
             return;

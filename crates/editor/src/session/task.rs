@@ -31,7 +31,7 @@ use crate::bake_cache::{BakeCache, Found};
 use crate::export_gltf::Lit;
 use crate::headless::GALLERY;
 use crate::look::Look;
-use crate::platform::step_back;
+use crate::platform::{memory_bytes, step_back};
 use crate::sequence::Sequence;
 use crate::stills::{Stills, Subject};
 use crate::words::in_words;
@@ -221,7 +221,7 @@ pub(super) fn load(source: Source, mut chosen: Chosen, stop: &Stop) -> Result<Lo
         Source::BuiltIn => import::load_bytes_until("Gallery", GALLERY, Skips::default(), stop)?,
         Source::Bytes { name, bytes } => import::load_bytes_until(&name, &bytes, Skips::default(), stop)?,
         Source::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("transport")) => {
-            return Ok(Loaded::Bake(archive::read(&path)?));
+            return Ok(Loaded::Bake(archive::read_within(memory_bytes(), &path)?));
         }
         Source::File(path) if path.is_dir() => return Ok(Loaded::Stack(ImageStack::open(&path)?)),
         Source::File(path) => import::load_until(&path, Skips::default(), stop)?,

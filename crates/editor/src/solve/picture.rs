@@ -62,7 +62,7 @@ impl TargetPicture {
 
     /// From linear pixels.
     pub fn of(name: &str, size: [u32; 2], pixels: Vec<[f32; 3]>) -> TargetPicture {
-        let picture = Picture { size, pixels, was_encoded: false };
+        let picture = Picture { size, pixels, was_encoded: false, remark: None };
         TargetPicture { name: name.into(), display: PLAIN, picture, is_told: false }
     }
 

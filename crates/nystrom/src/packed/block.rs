@@ -61,6 +61,8 @@ impl RoundedBlock<'_> {
         let block_idx = self.block_idx;
         out.number(table(Of::Samples), self.factors.n_samples);
         for error in [self.error.truncation, self.error.sampling, self.error.noise] {
+            // A number beyond the greatest of `bf16` would be told as infinite.
+            let error = error.clamp(bf16::MIN.to_f32(), bf16::MAX.to_f32());
             out.bits(u32::from(bf16::from_f32(error).to_bits()), 16);
         }
         out.number(table(Of::Rank), self.components.len() as u32);

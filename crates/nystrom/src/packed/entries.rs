@@ -20,6 +20,8 @@ pub(super) const N_TABLES: usize = 6;
 
 /// Values between one power of two and the next: they are kept to one part in 740 at worst.
 const PER_OCTAVE: f64 = 256.0;
+/// The next one is 2^128, which no `f32` is.
+const MAX_LEVEL: i32 = 128 * 256 - 1;
 /// Lengths of a bundle whose members share their columns; members of longer bundles stand for themselves.
 const MAX_MEMBERS: u32 = 8;
 
@@ -141,9 +143,9 @@ impl Entries {
     }
 }
 
-/// The level nearest to a magnitude that is not 0.
+/// The level nearest to a magnitude that is not 0, of those whose magnitude is within the range of `f32`.
 fn level_of(value: f32) -> i32 {
-    (f64::from(value.abs()).log2() * PER_OCTAVE).round() as i32
+    ((f64::from(value.abs()).log2() * PER_OCTAVE).round() as i32).min(MAX_LEVEL)
 }
 
 /// The magnitude of a level; `None` beyond the range of `f32`.
@@ -197,10 +199,15 @@ mod tests {
 
     #[test]
     fn what_came_back_stays_when_it_is_written_again() {
-        let entries = [1.0, 0.37, -2e9, 1e-30].map(|value| SparseEntry { row: 2, col: 0, value });
+        let entries = [1.0, 0.37, -2e9, 1e-30, f32::MAX, f32::MIN, f32::from_bits(1)].map(|value| SparseEntry {
+            row: 2,
+            col: 0,
+            value,
+        });
         for entry in entries {
             let once = there_and_back(&[entry], 3, 6, 1);
             assert_eq!(there_and_back(&once, 3, 6, 1), once);
+            assert!((once[0].value / entry.value - 1.0).abs() < 1.0 / 300.0, "{} {}", once[0].value, entry.value);
         }
     }
 }

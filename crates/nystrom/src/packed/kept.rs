@@ -1,7 +1,7 @@
 //! The product that is kept: whatever rounding and rank took from it is stored for itself, far more finely.
 //!
-//! The product of the block with one direction p of its columns is what people look at most, and relative to its own size
-//! in each block, not to the peak of the matrix. So the residual of that product is a plane of its own, with a step of its own, and
+//! The product of the block with one direction p of its columns is the one that is asked for most, and it is judged relative to
+//! its own size in each block, not to the peak of the matrix. So the residual of that product is a plane of its own, with a step of its own, and
 //! goes back to where `left · right` holds the direction: the least change for which the product is right.
 
 use super::{

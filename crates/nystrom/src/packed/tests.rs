@@ -172,6 +172,77 @@ fn what_no_factor_can_hold_is_not_looked_for() {
     }
 }
 
+/// Blocks in a row, so many that a part of them tells of the others: a wave times a number of each, or nothing.
+fn long_strip(size: impl Fn(usize) -> f32) -> BlockLowRank {
+    let partition = Partition { width: 2 * LONG as u32, height: 2, tile: 2 };
+    let mut matrix = BlockLowRank::new(partition, 3, 67);
+    let mut rng = Random::new([53, 0]);
+    let mut wave = |len: usize| (0..len).map(|at| (0.3 * at as f32).cos() + 0.2 * rng.normal()).collect::<Vec<f32>>();
+    for block_idx in 0..LONG {
+        let (left, right, size) = (wave(12), wave(67), size(block_idx));
+        let left: Vec<f32> = left.iter().map(|x| x * size).collect();
+        let factors = match size {
+            0.0 => BlockFactors::from_f32(&[], &[], 12, 67, 0),
+            _ => BlockFactors::from_f32(&left, &right, 12, 67, 1),
+        };
+        matrix.blocks[block_idx] = Some(Arc::new(factors));
+    }
+    matrix
+}
+
+const LONG: usize = 2200;
+
+#[test]
+fn blocks_between_thousands_of_empty_or_dark_ones_are_stored_as_exactly_as_asked() {
+    let allowed = 1e-3;
+    let lone = |block_idx: usize| if block_idx == 1234 { 1.0 } else { 0.0 };
+    let third = |block_idx: usize| if block_idx % 3 == 1 { 1.0 } else { 0.0 };
+    let half = |block_idx: usize| if block_idx % 40 < 20 { 1.0 } else { 0.0 };
+    let dark_third = |block_idx: usize| if block_idx.is_multiple_of(3) { 1e-3 } else { 1.0 };
+    let strips: [(&str, &dyn Fn(usize) -> f32); 4] =
+        [("lone", &lone), ("third", &third), ("half", &half), ("dark third", &dark_third)];
+    for (name, size) in strips {
+        let matrix = long_strip(size);
+        let plan = PackPlan { preserved: Vec::new(), ..plan(allowed) };
+        let unpacked = PackedMatrix::pack(&matrix, &plan).unpack().unwrap();
+        let mean = difference(&matrix, &unpacked);
+        assert!(mean <= 1.05 * f64::from(allowed), "{name}: {mean:e} where {allowed:e} is allowed");
+        for (block_idx, both) in matrix.blocks.iter().zip(&unpacked.blocks).enumerate() {
+            let (before, after) = (both.0.as_ref().unwrap().dense(), both.1.as_ref().unwrap().dense());
+            let squares = before.iter().zip(&after).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+            let error = squares / before.len() as f64;
+            assert!(error <= 1.05 * WORST_BLOCK * f64::from(allowed), "{name}, block {block_idx}: {error:e}");
+        }
+    }
+}
+
+/// A rank that holds nothing has no coefficients: blocks of that kind tell of no step.
+#[test]
+fn a_lone_block_among_thousands_whose_components_are_zero_keeps_its_own() {
+    let mut matrix = long_strip(|_| 1.0);
+    for (block_idx, block) in matrix.blocks.iter_mut().flatten().enumerate() {
+        if block_idx != 1234 {
+            Arc::make_mut(block).scale.fill(0.0);
+        }
+    }
+    let allowed = 1e-3;
+    let plan = PackPlan { preserved: Vec::new(), ..plan(allowed) };
+    let unpacked = PackedMatrix::pack(&matrix, &plan).unpack().unwrap();
+    let error = difference(&matrix, &unpacked) * LONG as f64;
+    assert!(error <= 1.05 * WORST_BLOCK * f64::from(allowed), "{error:e}");
+}
+
+#[test]
+fn errors_beyond_every_number_are_told_as_the_greatest() {
+    let mut matrix = example(0.0);
+    let factors = Arc::make_mut(matrix.blocks[0].as_mut().unwrap());
+    factors.error = BlockError { truncation: 0.0, sampling: f32::MAX, noise: f32::MIN };
+    let unpacked = PackedMatrix::pack(&matrix, &plan(1e-3)).unpack().unwrap();
+    let told = unpacked.blocks[0].as_ref().unwrap().error;
+    assert!(told.sampling > 3.3e38 && told.sampling.is_finite(), "{told:?}");
+    assert!(told.noise < -3.3e38 && told.noise.is_finite(), "{told:?}");
+}
+
 #[test]
 fn bytes_come_back_and_every_single_changed_one_is_noticed() {
     let packed = PackedMatrix::pack(&example(0.0), &plan(1e-3));

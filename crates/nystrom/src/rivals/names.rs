@@ -99,16 +99,15 @@ impl Method {
         }
     }
 
-    /// Why its result is no pair of low-rank factors, so that all entries of a block are kept where it makes factors of one;
-    /// `None` where it is.
+    /// Why its result is no pair of low-rank factors of a block, whose entries are all kept in their place; `None` where it is.
     pub fn without_factors(self) -> Option<&'static str> {
         match self {
             Method::Kernel { .. } => Some(
                 "its entries are roots of a product, which no factors give: every product with a vector takes all entries",
             ),
-            Method::CompressedSensing => {
-                Some("its result is as many sparse coefficients per row, in a basis as wide as the matrix")
-            }
+            Method::CompressedSensing => Some(
+                "each row has a few coefficients of its own in Haar's basis: enough for products, but no factors of a low rank",
+            ),
             _ => None,
         }
     }

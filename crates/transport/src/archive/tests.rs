@@ -157,6 +157,16 @@ fn what_a_header_asks_for_is_held_against_the_bytes_that_are_there() {
     assert!(decoded(&long).unwrap_err().to_string().contains("ends in its header"));
 }
 
+#[test]
+fn a_file_whose_factors_do_not_fit_the_machine_is_refused_before_they_are_made() {
+    let (_, bytes) = FIXTURES[7];
+    let path = Path::new("a.transport");
+    let within = |memory_bytes: u64| decode_within(Some(memory_bytes), bytes, path);
+    assert!(is_same(&within(1 << 30).unwrap(), &decoded(bytes).unwrap()));
+    let refused = within(100).map(|bake| bake.header).unwrap_err();
+    assert!(matches!(refused, ArchiveError::TooLarge { gigabytes: 1, most: 0, .. }), "{refused}");
+}
+
 fn part_of_fixture(path: &Path) -> (BakeHeader, Vec<Vec<Arc<BlockFactors>>>) {
     let bake = decoded(FIXTURES[0].1).unwrap();
     let header = BakeHeader::clone(&bake.header);

@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use super::clock::Clock;
 use super::focus::Focus;
-use super::{Bake, BakeError, BakeEvent, BakeJob, Indirect, Passes, Run, TILE};
+use super::{Bake, BakeError, BakeEvent, BakeJob, Indirect, Passes, Run};
 use crate::archive::header_len;
 use crate::matrix::CHANNELS;
 use crate::nodes::Nodes;
@@ -23,8 +23,8 @@ mod again;
 /// Blocks that are tried, and at least so many for each thread.
 const BLOCKS: usize = 48;
 const BLOCKS_PER_THREAD: usize = 3;
-/// Sums of the samples of a block that a thread holds at once, with what makes factors of them.
-const COPIES: u64 = 11;
+/// Sums of the samples of a block that a thread holds at once, with what makes factors of them, whatever their rank.
+const COPIES: u64 = 16;
 
 /// Coefficients of a block that are held while it is packed, first as they are and then rounded, over its factors in memory.
 const PACKING: f64 = 4.0;
@@ -165,7 +165,7 @@ impl BakeJob {
         }
         let Some((packing_secs, sizes)) = sizes(header, &run.matrices, &partitions, focus) else { return Ok(None) };
         let sizes = Sizes { sampled, guides: run.guides.as_ref().map_or(0, |guides| guides.n_bytes() as u64), ..sizes };
-        let thread_bytes = thread_bytes(header.basis.n_cols());
+        let thread_bytes = thread_bytes(header.basis.n_cols(), self.config.block);
         let memory = |n_threads: u64| sizes.memory(n_threads * thread_bytes + self.shared_bytes());
         Ok(Some(BakeEstimate {
             secs: secs + packing_secs,
@@ -188,7 +188,7 @@ impl BakeJob {
 
     /// Memory that each thread of a bake works in, bytes, patches for free lamps aside.
     pub fn thread_bytes(&self) -> u64 {
-        thread_bytes(self.scene.lighting.basis.n_cols())
+        thread_bytes(self.scene.lighting.basis.n_cols(), self.config.block)
     }
 
     /// Memory of the light that pixels share, bytes, of the preview or of the bake; nothing where neither does.
@@ -200,9 +200,9 @@ impl BakeJob {
     }
 }
 
-/// Memory that a thread works in for some columns.
-fn thread_bytes(n_cols: usize) -> u64 {
-    COPIES * (TILE * TILE) as u64 * (CHANNELS * n_cols * size_of::<f32>()) as u64
+/// Memory that a thread works in for some columns and blocks of some side.
+fn thread_bytes(n_cols: usize, side: u32) -> u64 {
+    COPIES * u64::from(side * side) * (CHANNELS * n_cols * size_of::<f32>()) as u64
 }
 
 /// Bytes of all blocks of all matrices.

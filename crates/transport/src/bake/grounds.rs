@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{BakeHeader, BakeJob, TILE};
+use super::{BakeHeader, BakeJob};
 use crate::emitters::{Emitter, Lighting, ShiningTriangle};
 use crate::fingerprint::{digest, of_surfaces};
 use crate::prepared::PreparedScene;
@@ -48,9 +48,10 @@ impl BakeJob {
         }
     }
 
-    /// A hash of its camera, called so, and of the size of its picture.
+    /// A hash of its camera, called so, and of the size of its picture and blocks.
     fn view(&self, name: &str) -> String {
-        let view = format!("{:?} {} {} {TILE}", self.camera.called(name), self.film.width, self.film.height);
+        let ([width, height], side) = ([self.film.width, self.film.height], self.config.block);
+        let view = format!("{:?} {width} {height} {side}", self.camera.called(name));
         hash_of(view.as_bytes())
     }
 

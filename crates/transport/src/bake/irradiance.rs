@@ -217,7 +217,7 @@ impl Run<'_> {
         let mut config = job.compress_config(own.samples.unwrap_or(1), tolerance_db, column_scale);
         let mut of_patches = PatchBlocks::dark(&header, &partition);
         if own.samples.is_some() {
-            config.smoothing = Some(header.smoothing(&partition));
+            config.smoothing = job.config.smooth.then(|| header.smoothing(&partition));
             let done = (pass, clock.done());
             if self.patches(&mut of_patches, (1 + own.set, blocks), done, on_event)?.is_break() {
                 return Ok(ControlFlow::Break(()));

@@ -1,6 +1,6 @@
 //! A name for what a bake will hold, known before it is made.
 
-use super::{BakeJob, TILE};
+use super::BakeJob;
 use crate::fingerprint::{digest, fingerprint};
 
 impl BakeJob {
@@ -8,7 +8,7 @@ impl BakeJob {
     /// rows of irradiance count, the passes before the last one do not.
     pub fn key(&self) -> String {
         let basis = &self.scene.lighting.basis;
-        let film = (self.film.width, self.film.height, TILE);
+        let film = (self.film.width, self.film.height, self.config.block);
         let names = (&self.scene.scene.name, &self.camera.name);
         let rest = (names, film, &self.config, basis, &self.irradiance, self.scene.skips);
         let mut rest = serde_json::to_vec(&rest).expect("options, lights and rows always have a JSON form");
@@ -68,6 +68,8 @@ mod tests {
             BakeJob { film: Film { width: 33, height: 24 }, ..plain.clone() },
             BakeJob { config: BakeConfig { seed: 1, ..BakeConfig::default() }, ..plain.clone() },
             BakeJob { config: BakeConfig { spp: 7, ..BakeConfig::default() }, ..plain.clone() },
+            BakeJob { config: BakeConfig { block: 8, ..BakeConfig::default() }, ..plain.clone() },
+            BakeJob { config: BakeConfig { smooth: false, ..BakeConfig::default() }, ..plain.clone() },
         ];
         for (number, other) in others.iter().enumerate() {
             assert_ne!(plain.key(), other.key(), "{number}");

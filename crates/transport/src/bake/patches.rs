@@ -11,7 +11,7 @@ use clerestory_nystrom::{
 };
 
 use super::focus::Focus;
-use super::{BRIGHT, BakeError, BakeEvent, BakeHeader, BakeJob, Run, mean_square};
+use super::{BRIGHT, BakeError, BakeEvent, BakeHeader, BakeJob, Run, mean_square, most_rank};
 use crate::matrix::CHANNELS;
 use crate::patches::{NARROW_ALPHA, PatchMatrix, Patches, Request, learn};
 use crate::path::{Integrator, NoLights};
@@ -135,6 +135,7 @@ impl BakeJob {
             groups: vec![ColumnGroup { columns: 0..n_columns, tolerance, preserved: Vec::new(), share: 1.0 }],
             samples: SamplePlan { batch: max.min(8), min: max.min(FIRST_LOOK), max },
             seed: self.config.seed,
+            max_rank: most_rank(self.config.block),
             bright: BRIGHT,
             ..CompressConfig::default()
         }

@@ -11,9 +11,10 @@ mod run;
 use std::ops::{ControlFlow, Range};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use clerestory_nystrom::rivals::Method;
 use rayon::prelude::*;
 
-use super::{Bake, BakeConfig, BakeError, BakeEvent, BakeHeader, TILE, check_tolerance};
+use super::{Bake, BakeConfig, BakeError, BakeEvent, BakeHeader, check_block, check_tolerance};
 use crate::basis::{LightBasis, LightSource, SourceKind};
 use crate::camera::Film;
 use crate::fingerprint::digest;
@@ -38,6 +39,10 @@ pub struct StackJob {
     pub stack: Arc<ImageStack>,
     /// Truncation error at which a block is done, in dB: 10·log10(pk² / mean ΔT²).
     pub tolerance_db: f32,
+    /// What makes factors of a block; all but the default are there for comparison.
+    pub method: Method,
+    /// Side of a block in pixels, one of [`SIDES`](super::SIDES).
+    pub block: u32,
     /// Same seed, same bytes.
     pub seed: u64,
     /// Bytes of pixels in memory at a time, such as [`MEMORY_BYTES`]; the result does not depend on it.
@@ -53,6 +58,8 @@ pub struct SurveyedStack {
     first: Band,
     n_negative: u64,
     n_encoded: usize,
+    /// What is odd about single pictures, in words, and how many it is said of.
+    remarks: Vec<(String, usize)>,
 }
 
 /// What is learned of a picture when it is read for the first time.
@@ -61,6 +68,7 @@ struct Survey {
     peak: f32,
     n_negative: u64,
     was_encoded: bool,
+    remark: Option<String>,
     column: Vec<f32>,
 }
 
@@ -79,12 +87,13 @@ impl StackJob {
     /// Reads every picture once. `on_event` hears of the progress and may ask to stop; then the result is `None`.
     ///
     /// # Errors
-    /// A tolerance out of range, or a picture that cannot be used.
+    /// A tolerance or blocks out of range, or a picture that cannot be used.
     pub fn survey(
         self,
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send + ?Sized),
     ) -> Result<Option<SurveyedStack>, BakeError> {
         check_tolerance(self.tolerance_db)?;
+        check_block(self.block)?;
         let rows = self.bands().swap_remove(0);
         let n_images = self.stack.images.len();
         let heard = Mutex::new((on_event, 0usize));
@@ -105,6 +114,28 @@ impl StackJob {
         }
     }
 
+    /// Whether what is in memory at once, a row of blocks of every picture at the least, fits a machine that has so many bytes, where
+    /// that is known.
+    ///
+    /// # Errors
+    /// [`BakeError::Config`] where it does not.
+    pub fn check_memory(&self, there: Option<u64>) -> Result<(), BakeError> {
+        let (Film { width, height }, n_images) = (self.stack.film, self.stack.images.len());
+        let n_rows = height.min(self.block);
+        let least = u64::from(width) * u64::from(n_rows) * (size_of::<[f32; 3]>() * n_images) as u64;
+        match there.filter(|there| least > *there) {
+            None => Ok(()),
+            Some(there) => Err(BakeError::Config {
+                what: format!(
+                    "{n_rows} rows of pixels of {n_images} pictures take {} MB at once, and this machine has {} MB of memory; \
+                     split the folder into several, or make the pictures smaller",
+                    least.div_ceil(1 << 20),
+                    there >> 20
+                ),
+            }),
+        }
+    }
+
     fn survey_image(&self, nth: usize, rows: &Range<u32>) -> Result<Survey, StackError> {
         let (picture, bytes) = self.stack.read(&self.stack.images[nth])?;
         Ok(Survey {
@@ -112,6 +143,7 @@ impl StackJob {
             peak: peak_of(&picture.pixels),
             n_negative: picture.pixels.iter().flatten().filter(|value| **value < 0.0).count() as u64,
             was_encoded: picture.was_encoded,
+            remark: picture.remark.clone(),
             column: band::column(&picture, rows),
         })
     }
@@ -125,6 +157,7 @@ impl StackJob {
         SurveyedStack {
             n_negative: surveys.iter().map(|survey| survey.n_negative).sum(),
             n_encoded: surveys.iter().filter(|survey| survey.was_encoded).count(),
+            remarks: counted(surveys.iter().filter_map(|survey| survey.remark.as_deref())),
             first: Band { rows, columns: surveys.into_iter().map(|survey| survey.column).collect() },
             job: self,
             header,
@@ -144,14 +177,16 @@ impl StackJob {
             view: None,
             width: film.width,
             height: film.height,
-            tile: TILE,
+            tile: self.block,
             // Nothing is sampled.
             config: BakeConfig {
                 spp: 0,
                 tolerance_db: self.tolerance_db,
                 bounces: None,
                 seed: self.seed,
+                method: self.method,
                 denoise: false,
+                block: self.block,
                 ..BakeConfig::default()
             },
             basis: LightBasis::new(keys.zip(0..).map(source).collect()),
@@ -171,8 +206,8 @@ impl StackJob {
     fn bands(&self) -> Vec<Range<u32>> {
         let Film { width, height } = self.stack.film;
         let bytes_per_row = width as usize * size_of::<[f32; 3]>() * self.stack.images.len();
-        let n_tiles = (self.memory_bytes / bytes_per_row / TILE as usize).max(1);
-        let n_rows = u32::try_from(n_tiles).unwrap_or(u32::MAX).saturating_mul(TILE);
+        let n_tiles = (self.memory_bytes / bytes_per_row / self.block as usize).max(1);
+        let n_rows = u32::try_from(n_tiles).unwrap_or(u32::MAX).saturating_mul(self.block);
         let mut bands: Vec<Range<u32>> =
             (0..height).step_by(n_rows as usize).map(|first| first..first.saturating_add(n_rows).min(height)).collect();
         bands.sort_by_key(|band| (i64::from(band.start) + i64::from(band.end) - i64::from(height)).abs());
@@ -217,8 +252,21 @@ impl SurveyedStack {
         let negative = (self.n_negative > 0).then(|| {
             format!("{folder}: {} values of its pixels are negative; they count as they are", self.n_negative)
         });
-        encoded.into_iter().chain(negative).collect()
+        let odd = self.remarks.iter().map(|(remark, n)| format!("{folder}: {n} of {n_images} pictures: {remark}"));
+        encoded.into_iter().chain(negative).chain(odd).collect()
     }
+}
+
+/// Different words in the order in which they come first, and how often each comes.
+fn counted<'a>(words: impl Iterator<Item = &'a str>) -> Vec<(String, usize)> {
+    let mut counts: Vec<(String, usize)> = Vec::new();
+    for word in words {
+        match counts.iter_mut().find(|(other, _)| other == word) {
+            Some((_, n)) => *n += 1,
+            None => counts.push((word.to_owned(), 1)),
+        }
+    }
+    counts
 }
 
 #[cfg(test)]

@@ -263,6 +263,19 @@ mod tests {
         assert!(remark.contains("4 other files (.hidden.png, Thumbs.db, notes.txt, …) passed over"), "{remark}");
     }
 
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_that_is_named_like_a_picture_is_passed_over() {
+        let folder = folder(&[("a.png", &png(4, 3))]);
+        let made = std::process::Command::new("mkfifo").arg(folder.path().join("b.png")).status().unwrap();
+        assert!(made.success());
+        let stack = ImageStack::open(folder.path()).unwrap();
+        assert_eq!((stack.images.len(), stack.passed_over), (1, vec!["b.png".to_owned()]));
+        std::os::unix::fs::symlink("nowhere.png", folder.path().join("c.png")).unwrap();
+        let said = ImageStack::open(folder.path()).unwrap_err().to_string();
+        assert!(said.contains("c.png`"), "{said}");
+    }
+
     #[test]
     fn folders_that_are_no_stacks_are_refused_in_words() {
         let (small, large) = (png(4, 3), png(5, 3));

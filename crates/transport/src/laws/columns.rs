@@ -16,7 +16,7 @@ use crate::prepared::PreparedScene;
 use crate::scene::Material;
 
 const FILM: Film = Film { width: 64, height: 48 };
-const TILE: usize = crate::bake::TILE as usize;
+const TILE: usize = crate::bake::SIDE as usize;
 /// What ranks may leave out of a column's mean at 60 dB.
 const TRUNCATED: f64 = 2e-3;
 

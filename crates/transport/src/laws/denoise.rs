@@ -87,6 +87,25 @@ fn each_block_comes_as_it_was_sampled_and_once_more_without_noise() {
     assert_eq!(n_plain, 12);
 }
 
+/// What is asked for without bias is neither denoised nor smoothed: the samples are the same, and nothing is taken out of them.
+#[test]
+fn blocks_are_smoothed_unless_they_are_asked_for_as_they_are() {
+    let with = |smooth: bool| {
+        let job = job(4, false);
+        baked(BakeJob { config: BakeConfig { smooth, ..job.config.clone() }, ..job })
+    };
+    let [plain, smooth] = [false, true].map(with);
+    let both = plain.groups[0].blocks.iter().flatten().zip(smooth.groups[0].blocks.iter().flatten());
+    let mut n_better = 0;
+    for (plain, smooth) in both {
+        assert_eq!(plain.error.noise, smooth.error.noise);
+        n_better += usize::from(smooth.error.sampling < 0.9 * plain.error.sampling);
+    }
+    assert!(n_better > 6, "{n_better} of 12 blocks were smoothed");
+    let told = |bake: &Bake| serde_json::to_value(&bake.header.config).unwrap().get("smooth").cloned();
+    assert_eq!([told(&plain), told(&smooth)], [Some(false.into()), None]);
+}
+
 #[test]
 fn a_bake_that_goes_on_is_denoised_as_one_that_was_never_stopped() {
     let whole = baked(job(8, true));

@@ -1,4 +1,4 @@
-//! A bake by a method whose own form cannot relight holds what the method makes of each block.
+//! A bake by a method whose own form is no pair of factors holds what the method makes of each block.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;

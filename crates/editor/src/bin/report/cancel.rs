@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, ensure};
 use clerestory_transport::bake::focus::Focus;
-use clerestory_transport::bake::{BakeConfig, BakeEvent, BakeJob, Passes, TILE};
+use clerestory_transport::bake::{BakeConfig, BakeEvent, BakeJob, Passes, SIDE};
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::LightingError;
 use clerestory_transport::import::{self, ImportError};
@@ -163,7 +163,7 @@ struct Follower {
 impl Follower {
     fn new(said: Sender<(Stage, Instant)>) -> Result<Follower> {
         said.send((Stage::Columns, Instant::now()))?;
-        Ok(Follower { n_irradiance: FILM.n_pixels().div_ceil((TILE * TILE) as usize), said })
+        Ok(Follower { n_irradiance: FILM.n_pixels().div_ceil((SIDE * SIDE) as usize), said })
     }
 
     fn hear(&mut self, event: &BakeEvent) {

@@ -64,7 +64,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     }
     Ok(format!(
         "## Matrix\n\n\
-         {} × {} pixels, six bounces, one bake per row, its indirect light shared between pixels or traced as `--exact` does; CPU\n\
+         {} × {} pixels, six bounces, one bake per row, its indirect light shared between pixels or traced and not denoised, as with `--no-denoise`; CPU\n\
          seconds (user and system) of the bake alone, without loading and without preview. The error of a column is the mean of\n\
          (x − a)(x − b) over its entries, x baked, a and b two independent references of {spp} samples per pixel each that are not\n\
          compressed{}: so their noise does not count, but no error is told as less than its standard error. It is told in dB below the square of the reference column's 99.5 percentile;\n\
@@ -102,7 +102,7 @@ fn scene(
         let mut measured = [Vec::new(), Vec::new()];
         for &(spp, tolerance_db) in asked {
             desk.say(&format!("baking {name} with {spp} samples per pixel, indirect light {way}"));
-            // Traced as `--exact` does it: free of bias.
+            // Where light is traced, no pixel tells another.
             let denoise = indirect == Indirect::Shared;
             let bake = |seed: u64| {
                 let config = BakeConfig {

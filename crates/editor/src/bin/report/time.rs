@@ -128,7 +128,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
          references of {} samples per pixel each that are kept between runs, below the square of the reference's 99.5 percentile, told as no less than its standard error; nothing is\n\
          clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the median over all\n\
-         columns, each below its own peak. Shared light is denoised by what its pixels show; traced light is not, as with `--exact`, nor is anything else. Spots: three of them on the first panel, one after the other, and the mean of their dB; a render of one look is that of the first of them. A render of one single light is one of a render per light. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
+         columns, each below its own peak. Shared light is denoised by what its pixels show; traced light is not, as with `--no-denoise`, nor is anything else. Spots: three of them on the first panel, one after the other, and the mean of their dB; a render of one look is that of the first of them. A render of one single light is one of a render per light. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
         runs::reference_spp(desk),
         desk.load_words(),
     );

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use clerestory_nystrom::rivals::{Method, UnknownMethod};
 use clerestory_relight::Tone;
+use clerestory_transport::bake::SIDES;
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::sensors::{NodeGrid, SensorGrid, WorkPlane};
@@ -24,6 +25,11 @@ pub(super) fn parse_size(text: &str) -> Result<Film, String> {
         return Err(format!("at most {MAX_PIXELS} pixels in all (8192x8192)"));
     }
     Ok(Film { width, height })
+}
+
+pub(super) fn parse_block(text: &str) -> Result<u32, String> {
+    let side = text.parse().ok().filter(|side| SIDES.contains(side));
+    side.ok_or_else(|| "blocks have 8, 16 or 32 pixels to a side".into())
 }
 
 pub(in crate::cli) fn parse_panel(text: &str) -> Result<PanelRequest, String> {

@@ -87,7 +87,7 @@ fn pictures_take_the_place_of_a_scene_and_of_its_options() {
         Arguments::try_parse_from(line.split_whitespace().map(str::to_owned))
     };
     assert!(line("--seconds 10").is_err());
-    assert!(line("--tolerance 45 --fresh --seed 3 --threads 2 --json").is_ok());
+    assert!(line("--tolerance 45 --fresh --seed 3 --threads 2 --json --method svd --block 8").is_ok());
     for of_scenes in [
         "a.glb",
         "--spp 4",
@@ -115,6 +115,20 @@ fn pictures_take_the_place_of_a_scene_and_of_its_options() {
         assert!(line(of_scenes).is_err(), "{of_scenes} was accepted");
     }
     assert!(Arguments::try_parse_from(["clerestory", "bake", "-o", "a.transport"]).is_err());
+}
+
+#[test]
+fn blocks_have_one_of_three_sides() {
+    let side = |rest: &str| {
+        let line = format!("clerestory bake a.glb -o a.transport {rest}");
+        let parsed = Arguments::try_parse_from(line.split_whitespace().map(str::to_owned)).ok()?;
+        match parsed.command {
+            Some(Command::Bake(args)) => Some(args.options.block),
+            _ => None,
+        }
+    };
+    assert_eq!(["", "--block 8", "--block 32"].map(side), [Some(16), Some(8), Some(32)]);
+    assert!(["--block 0", "--block 12", "--block 64", "--block a"].into_iter().all(|wrong| side(wrong).is_none()));
 }
 
 #[test]

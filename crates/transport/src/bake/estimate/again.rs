@@ -62,7 +62,7 @@ impl BakeJob {
             tried[0] += partitions[matrix].n_blocks();
             tried[1] += groups.first().map_or(0, n_there);
         }
-        let thread_bytes = thread_bytes(header.basis.n_cols());
+        let thread_bytes = thread_bytes(header.basis.n_cols(), header.tile);
         let memory = |n_threads: u64| sizes.memory(n_threads * thread_bytes + self.shared_bytes());
         Ok(Some(BakeEstimate {
             secs,

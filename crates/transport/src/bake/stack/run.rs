@@ -13,9 +13,8 @@ use super::{READING, StackJob, SurveyedStack};
 use crate::archive::Listener;
 use crate::bake::clock::Clock;
 use crate::bake::focus::Focus;
-use crate::bake::{BRIGHT, Bake, BakeError, BakeEvent, BakeHeader, TILE, from_the_center, mean_square};
+use crate::bake::{BRIGHT, Bake, BakeError, BakeEvent, BakeHeader, from_the_center, mean_square, most_rank};
 use crate::figures::error_db;
-use crate::matrix::CHANNELS;
 
 impl StackJob {
     fn compress_config(&self, column_scale: &[f32]) -> CompressConfig {
@@ -30,7 +29,8 @@ impl StackJob {
         CompressConfig {
             groups: vec![all],
             samples: SamplePlan { batch: 1, min: 1, max: 1 },
-            max_rank: CHANNELS as u32 * TILE * TILE,
+            method: self.method,
+            max_rank: most_rank(self.block),
             seed: self.seed,
             bright: BRIGHT,
             ..CompressConfig::default()
@@ -108,7 +108,7 @@ impl Run<'_> {
     /// Blocks within some rows of pixels that are not there yet.
     fn blocks(&self, rows: &Range<u32>) -> Vec<u32> {
         let mut blocks = from_the_center(&self.partition);
-        let is_within = |block: u32| rows.contains(&(block / self.partition.tiles_x() * TILE));
+        let is_within = |block: u32| rows.contains(&(block / self.partition.tiles_x() * self.partition.tile));
         blocks.retain(|&block| is_within(block) && self.groups[0].blocks[block as usize].is_none());
         blocks
     }

@@ -1,12 +1,14 @@
 //! Laws of measured stacks: what the pictures hold comes back, to the error that was asked for.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use exr::meta::attribute::Chromaticities;
 use exr::prelude::{Image, SpecificChannels, Vec2, WritableImage};
 
 use super::*;
 use crate::archive::{self, ArchiveError, Restart};
+use crate::bake::{SIDE, SIDES};
 use crate::light::{LightRig, LightSetting};
 use crate::matrix::CHANNELS;
 
@@ -26,8 +28,11 @@ fn write_light(folder: &Path, light: usize, value: impl Fn(usize, usize, usize) 
     let channels = SpecificChannels::rgb(|at: Vec2<usize>| {
         (value(at.x(), at.y(), 0), value(at.x(), at.y(), 1), value(at.x(), at.y(), 2))
     });
-    let path = folder.join(format!("light_{light}.exr"));
-    Image::from_channels((SIZE[0], SIZE[1]), channels).write().to_file(path).unwrap();
+    Image::from_channels((SIZE[0], SIZE[1]), channels).write().to_file(path_of(folder, light)).unwrap();
+}
+
+fn path_of(folder: &Path, light: usize) -> PathBuf {
+    folder.join(format!("light_{light}.exr"))
 }
 
 fn stack() -> tempfile::TempDir {
@@ -38,7 +43,7 @@ fn stack() -> tempfile::TempDir {
 
 fn job(folder: &Path, tolerance_db: f32) -> StackJob {
     let stack = Arc::new(ImageStack::open(folder).unwrap());
-    StackJob { stack, tolerance_db, seed: 7, memory_bytes: MEMORY_BYTES }
+    StackJob { stack, tolerance_db, method: Method::default(), block: SIDE, seed: 7, memory_bytes: MEMORY_BYTES }
 }
 
 fn baked(job: StackJob) -> Bake {
@@ -52,27 +57,32 @@ fn relit(bake: &Bake, rig: &LightRig, channel: usize) -> Vec<f32> {
     rows.chunks_exact(CHANNELS).map(|rows| rows[channel]).collect()
 }
 
+/// Error of all pictures, each under its own light alone, dB below their peaks.
+fn measured_db(bake: &Bake) -> f64 {
+    let mut sum = 0.0f64;
+    for light in 0..N_LIGHTS {
+        let dark = LightSetting { muted: true, ..LightSetting::default() };
+        let others = (0..N_LIGHTS).filter(|other| *other != light);
+        let lights = others.map(|other| (format!("light_{other}"), dark)).collect();
+        let rig = LightRig { lights, ..LightRig::default() };
+        for channel in 0..CHANNELS {
+            for (pixel, relit) in relit(bake, &rig, channel).into_iter().enumerate() {
+                let (x, y) = (pixel % SIZE[0], pixel / SIZE[0]);
+                let missed = (relit - value(light, x, y, channel)) * bake.header.column_scale[light];
+                sum += f64::from(missed).powi(2);
+            }
+        }
+    }
+    -10.0 * (sum / (N_LIGHTS * CHANNELS * SIZE[0] * SIZE[1]) as f64).log10()
+}
+
 #[test]
 fn every_picture_comes_back_to_the_error_that_was_asked_for() {
     let folder = stack();
     for tolerance_db in [25.0, 40.0, 60.0] {
         let bake = baked(job(folder.path(), tolerance_db));
         let error = bake.figures().error_db;
-        let mut sum = 0.0f64;
-        for light in 0..N_LIGHTS {
-            let dark = LightSetting { muted: true, ..LightSetting::default() };
-            let others = (0..N_LIGHTS).filter(|other| *other != light);
-            let lights = others.map(|other| (format!("light_{other}"), dark)).collect();
-            let rig = LightRig { lights, ..LightRig::default() };
-            for channel in 0..CHANNELS {
-                for (pixel, relit) in relit(&bake, &rig, channel).into_iter().enumerate() {
-                    let (x, y) = (pixel % SIZE[0], pixel / SIZE[0]);
-                    let missed = (relit - value(light, x, y, channel)) * bake.header.column_scale[light];
-                    sum += f64::from(missed).powi(2);
-                }
-            }
-        }
-        let measured = -10.0 * (sum / (N_LIGHTS * CHANNELS * SIZE[0] * SIZE[1]) as f64).log10();
+        let measured = measured_db(&bake);
         assert!(measured > f64::from(tolerance_db) - 0.3, "{measured} dB, {tolerance_db} dB were asked for");
         // Beyond that the rounding of the factors decides.
         let [of_pictures, told] = [measured, f64::from(error.total)].map(|db| db.min(70.0));
@@ -142,6 +152,54 @@ fn the_bytes_do_not_depend_on_memory_threads_or_being_stopped() {
 }
 
 #[test]
+fn blocks_of_any_side_hold_the_pictures_as_exactly_as_asked() {
+    let folder = stack();
+    for block in SIDES {
+        let job = || StackJob { block, ..job(folder.path(), 40.0) };
+        let bake = baked(job());
+        assert_eq!((bake.header.tile, bake.header.config.block), (block, block));
+        let n_blocks = SIZE[0].div_ceil(block as usize) * SIZE[1].div_ceil(block as usize);
+        assert_eq!(bake.groups[0].blocks.iter().flatten().count(), n_blocks);
+        let (measured, told) = (measured_db(&bake), f64::from(bake.figures().error_db.total));
+        assert!(measured > 39.7 && (measured - told).abs() < 0.3, "{block}: {measured} dB, {told} dB told");
+        let banded = baked(StackJob { memory_bytes: 1, ..job() });
+        assert!(banded.groups[0].blocks == bake.groups[0].blocks, "{block}");
+        // Of the usual side headers say what they always said.
+        let told = serde_json::to_value(&bake.header.config).unwrap().get("block").cloned();
+        assert_eq!(told, (block != SIDE).then(|| block.into()));
+        let path = folder.path().join("a.transport");
+        archive::write(&bake, &path).unwrap();
+        let read = archive::read(&path).unwrap();
+        assert!(read.header == bake.header && read.groups[0].blocks == bake.groups[0].blocks, "{block}");
+    }
+    let refused = StackJob { block: 12, ..job(folder.path(), 40.0) }.run(|_| ControlFlow::Continue(()));
+    assert!(refused.unwrap_err().to_string().contains("8, 16 or 32 pixels"));
+}
+
+#[test]
+fn a_row_of_blocks_that_fits_no_memory_is_refused() {
+    let folder = stack();
+    let job = job(folder.path(), 40.0);
+    let least = (SIZE[0] * 16 * 12 * N_LIGHTS) as u64;
+    assert!([None, Some(least)].into_iter().all(|there| job.check_memory(there).is_ok()));
+    let refused = job.check_memory(Some(least - 1)).unwrap_err().to_string();
+    assert!(refused.contains("16 rows of pixels of 12 pictures"), "{refused}");
+}
+
+#[test]
+fn another_method_makes_the_factors_where_it_is_asked_for() {
+    let folder = stack();
+    let by = |method| baked(StackJob { method, ..job(folder.path(), 40.0) });
+    let [ours, svd, kernel] = [Method::default(), Method::Svd, Method::KERNEL].map(by);
+    assert_eq!(svd.header.config.method, Method::Svd);
+    assert!(svd.groups[0].blocks != ours.groups[0].blocks);
+    let (measured, told) = (measured_db(&svd), f64::from(svd.figures().error_db.total));
+    assert!(measured > 39.7 && (measured - told).abs() < 0.3, "{measured} dB, {told} dB told");
+    assert_eq!(kernel.figures().reconstruction.map(|of| of.method), Some(Method::KERNEL.to_string()));
+    assert_eq!([ours, svd].map(|bake| bake.figures().reconstruction.is_some()), [false; 2]);
+}
+
+#[test]
 fn a_half_done_bake_of_other_pictures_is_not_taken_up() {
     let folder = stack();
     let path = folder.path().join("a.transport");
@@ -182,6 +240,21 @@ fn values_without_a_number_are_refused_and_negative_ones_told() {
         error.contains("light_1.exr`: 1 of its pixels are infinite or no numbers, the first of them at (3, 5)"),
         "{error}"
     );
+}
+
+#[test]
+fn what_is_odd_about_the_colors_of_pictures_is_told_once() {
+    let folder = stack();
+    for light in [2, 7] {
+        let zero = Vec2(0.0, 0.0);
+        let channels = SpecificChannels::rgb(|_: Vec2<usize>| (1.0f32, 1.0f32, 1.0f32));
+        let mut image = Image::from_channels((SIZE[0], SIZE[1]), channels);
+        image.attributes.chromaticities = Some(Chromaticities { red: zero, green: zero, blue: zero, white: zero });
+        image.write().to_file(path_of(folder.path(), light)).unwrap();
+    }
+    let surveyed = job(folder.path(), 40.0).survey(&mut |_: BakeEvent| ControlFlow::Continue(()));
+    let remarks = surveyed.unwrap().unwrap().remarks();
+    assert!(remarks.len() == 1 && remarks[0].contains("2 of 12 pictures: its `chromaticities`"), "{remarks:?}");
 }
 
 #[test]

@@ -24,6 +24,8 @@ pub struct Picture {
     pub pixels: Vec<[f32; 3]>,
     /// Whether the values of the file were display-encoded.
     pub was_encoded: bool,
+    /// What is odd about its colors, in words.
+    pub remark: Option<String>,
 }
 
 /// The kinds of picture, told by their first bytes.
@@ -70,13 +72,13 @@ pub fn decode_picture(bytes: &[u8]) -> Result<Picture, String> {
         Kind::OpenExr => {
             // Pictures of a stack are read side by side.
             let check = |size| check_size(size, u64::MAX);
-            let openexr::ExrPicture { size, pixels, .. } =
+            let openexr::ExrPicture { size, pixels, remark, .. } =
                 openexr::decode(bytes, Wanted::Shown, Beside::Others, &check)?;
-            Ok(Picture { size, pixels, was_encoded: false })
+            Ok(Picture { size, pixels, was_encoded: false, remark })
         }
         Kind::Radiance => {
             let (size, pixels) = radiance::decode(bytes, |_| Ok(()))?;
-            Ok(Picture { size, pixels, was_encoded: false })
+            Ok(Picture { size, pixels, was_encoded: false, remark: None })
         }
         Kind::Encoded => decode_encoded(bytes),
     })
@@ -117,7 +119,7 @@ fn decode_encoded(bytes: &[u8]) -> Result<Picture, String> {
             picture.into_rgb8().pixels().map(|rgb| rgb.0.map(|code| curve[usize::from(code)])).collect()
         }
     };
-    Ok(Picture { size, pixels, was_encoded: true })
+    Ok(Picture { size, pixels, was_encoded: true, remark: None })
 }
 
 /// Linear light of each code up to the greatest, which is 1.

@@ -34,7 +34,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     }
     Ok(format!(
         "\n### Shared beside traced\n\n\
-         Every scene, {} × {} pixels, {SPP} samples per pixel, indirect light shared between pixels and denoised, or traced as `--exact` does; a scene without light under the even sky that it is given, one column.\n\
+         Every scene, {} × {} pixels, {SPP} samples per pixel, indirect light shared between pixels and denoised, or traced as `--no-denoise` does; a scene without light under the even sky that it is given, one column.\n\
          CPU seconds (user and system) of the bake alone. Errors in dB as in the section Matrix, beside two references of {} samples per pixel each: of single lights, median over columns and the worst of them;\n\
          of all lights of the file. Each row is one bake of each kind, of seed {SEED}.\n\n\
          | scene | columns | shared, CPU s | median | worst | all lights | traced, CPU s | median | worst | all lights |\n\

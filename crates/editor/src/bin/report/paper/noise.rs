@@ -28,7 +28,7 @@ const RANK: usize = 16;
 const TOLERANCE_DB: f32 = 40.0;
 /// Of all that is held against the reference, which has the usual one.
 const OTHER_SEED: u64 = SEED + 1;
-const NAMES: [&str; 5] = ["as sampled", "kernel", "ours", "a bake, `--exact` but denoised", "a bake as by default"];
+const NAMES: [&str; 5] = ["as sampled", "kernel", "ours", "a bake as by default", "a bake, `--fast`"];
 /// Pixels on the page, across and down, that show one.
 const ENLARGED: usize = 4;
 
@@ -73,8 +73,8 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "\n### Noise\n\n\
          PSNR in dB of matrices of few samples: as sampled, after Nyström's method on powers of the entries at rank {RANK} (`kernel`), and after ours, which is told\n\
-         both halves, block by block. Then what bakes of as many samples give, whose blocks tell each other, too: `--exact` but denoised, and as they are made by\n\
-         default, indirect light shared between pixels; blocks that reach the {TOLERANCE_DB} dB that ours and bakes are asked for take fewer. All have seed {OTHER_SEED}, and lights that are seen left out. They are held against two references of {reference_spp} samples\n\
+         both halves, block by block. Then what bakes of as many samples give, whose blocks tell each other, too: as they are made by default, and with\n\
+         `--fast`, indirect light shared between pixels; blocks that reach the {TOLERANCE_DB} dB that ours and bakes are asked for take fewer. All have seed {OTHER_SEED}, and lights that are seen left out. They are held against two references of {reference_spp} samples\n\
          per pixel each (both halves of seed {SEED}): the mean of (x − a)(x − b) of the clipped values, told as no less than its standard error, so that noise of the\n\
          references does not count. 256 texels. The pictures have {} samples per pixel and one small spot; each pixel is shown as {ENLARGED} × {ENLARGED}.\n{}\n\
          | scene | samples per pixel | {} |\n|---|---|{}\n{rows}{sheets}",

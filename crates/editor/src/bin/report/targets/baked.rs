@@ -73,7 +73,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Bakes beside the targets\n\n\
          Whole bakes of {} pixels from the command line, with the light between surfaces traced and the panel divided into so many\n\
          columns. Blocks stop once they are exact enough, at the latest after the samples that are given: where these do not suffice, the error says so, and the ratio\n\
-         is that of what was reached. Errors as the bake tells them, from held-out samples: truncation / sampling / total, and the total of its worst\n\
+         is that of what was reached. Errors as the bake tells them, from what two halves of the samples agree about: truncation / sampling / total, and the total of its worst\n\
          block. Seconds by the clock; each row is one bake, of seed 0. A picture of each light by itself, in 32-bit floats as other renderers write them, is the dense matrix: {:.0} MB for 64 lights. {}\n\n\
          | scene | columns | asked for | samples | rank mean / max | MB | dense / file | aimed at | error dB | worst block | s |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n{rows}",

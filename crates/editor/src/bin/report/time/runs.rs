@@ -185,7 +185,7 @@ fn ours(
 ) -> Result<Point> {
     // A tolerance out of reach: every block takes all its samples.
     let Taken { spp, seed } = taken;
-    // Traced as `--exact` does it: free of bias.
+    // Where light is traced, no pixel tells another.
     let denoise = indirect == Indirect::Shared;
     let config = BakeConfig { spp, tolerance_db: 80.0, seed, indirect, denoise, ..BakeConfig::default() };
     let (cpu_secs, bake) = baked(scene, subject.film, config)?;
