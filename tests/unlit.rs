@@ -2,6 +2,7 @@
 
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
+use clerestory_transport::import::load_bytes;
 use clerestory_transport::light::{LightRig, LightSetting};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::trace::TraceConfig;
@@ -95,4 +96,16 @@ fn a_mirror_shows_a_sign_and_a_matte_wall_does_not_get_its_light() {
     assert!(seen.distance(Vec3::splat(strength(&scene))) < 0.01 * strength(&scene), "{seen}");
     let matte = room(SceneFile::lambert([0.5; 3], [0.0; 3]));
     assert_eq!(picture(&matte, &LightRig::default())[6 * 16 + 8], Vec3::ZERO);
+}
+
+#[test]
+fn of_a_scene_with_no_other_surfaces_it_is_told_that_no_light_changes_it() {
+    let told = |with_wall: bool| {
+        let wall = Shape::quad(Vec3::new(-1.5, -1.0, -1.5), Vec3::X * 3.0, Vec3::Y * 2.0);
+        let scan = SceneFile::default().surface("scan", &Shape::room(Vec3::ONE), unlit(Vec3::ONE));
+        let file = if with_wall { scan.surface("wall", &wall, SceneFile::lambert([0.5; 3], [0.0; 3])) } else { scan };
+        let scene = load_bytes("scan", &file.glb()).unwrap().scene;
+        PreparedScene::new(scene, &[]).unwrap().1.iter().any(|line| line.contains("no light changes the picture"))
+    };
+    assert!(told(false) && !told(true));
 }

@@ -1,11 +1,13 @@
 //! A hash of everything in a scene that light can meet, so that a half-done bake is only taken up by the same scene.
 
+use std::collections::BTreeMap;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::bake::BakeHeader;
 use crate::camera::Camera;
-use crate::scene::{Material, Mesh, Scene};
+use crate::scene::{Material, Mesh, Scene, Texture};
 
 const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
 
@@ -33,11 +35,9 @@ impl Fnv {
         self.bytes(bytemuck::cast_slice(&mesh.triangle_material));
     }
 
-    fn textures(&mut self, scene: &Scene) {
-        for texture in &scene.textures {
-            self.bytes(bytemuck::cast_slice(&texture.image.texels));
-            self.bytes(format!("{:?} {:?}", texture.wrap, texture.filter).as_bytes());
-        }
+    fn texture(&mut self, texture: &Texture) {
+        self.bytes(bytemuck::cast_slice(&texture.image.texels));
+        self.bytes(format!("{:?} {:?}", texture.wrap, texture.filter).as_bytes());
     }
 
     fn digits(&self) -> String {
@@ -68,30 +68,58 @@ pub fn fingerprint(scene: &Scene, camera: &Camera) -> String {
     for profile in &scene.profiles {
         hash.bytes(&profile.light_bytes());
     }
-    hash.textures(scene);
+    scene.textures.iter().for_each(|texture| hash.texture(texture));
     hash.unlit(scene);
     hash.digits()
 }
 
-/// The same of the surfaces alone and how they scatter: nothing of it tells whether, how strongly or in which color they shine.
+/// A hash of a texture, whatever its place in a scene.
+pub(crate) fn of_texture(texture: &Texture) -> u64 {
+    let mut hash = Fnv(OFFSET);
+    hash.texture(texture);
+    hash.0
+}
+
+/// The same of the surfaces alone and how they scatter: nothing of it tells whether, how strongly, by which map or in which color they
+/// shine.
 pub(crate) fn of_surfaces(scene: &Scene) -> String {
     let mut hash = Fnv(OFFSET);
-    let mesh = &scene.mesh;
-    hash.bytes(format!("{} {} {}", mesh.positions.len(), mesh.triangles.len(), scene.textures.len()).as_bytes());
+    let (mesh, (materials, textures)) = (&scene.mesh, without_light(scene));
+    hash.bytes(format!("{} {} {}", mesh.positions.len(), mesh.triangles.len(), textures.len()).as_bytes());
     hash.mesh(mesh);
-    let dark = |material: &Material| Material {
-        name: String::new(),
-        emissive: Vec3::ZERO,
-        emissive_strength: 1.0,
-        emissive_texture: None,
-        ..material.clone()
-    };
-    for material in &scene.materials {
-        hash.bytes(format!("{:?}", dark(material)).as_bytes());
+    for material in materials {
+        hash.bytes(format!("{material:?}").as_bytes());
     }
-    hash.textures(scene);
+    textures
+        .into_iter()
+        .filter_map(|place| scene.textures.get(place as usize))
+        .for_each(|texture| hash.texture(texture));
     hash.unlit(scene);
     hash.digits()
+}
+
+/// Materials as they are dark, with textures numbered in the order of their use, and the places of these in the scene.
+fn without_light(scene: &Scene) -> (Vec<Material>, Vec<u32>) {
+    let (mut numbers, mut places) = (BTreeMap::new(), Vec::new());
+    let dark = |material: &Material| {
+        let mut dark = Material {
+            name: String::new(),
+            emissive: Vec3::ZERO,
+            emissive_strength: 1.0,
+            emissive_texture: None,
+            ..material.clone()
+        };
+        for texture in dark.texture_slots().into_iter().flatten() {
+            let place = texture.texture;
+            texture.texture = *numbers.entry(place).or_insert_with(|| {
+                places.push(place);
+                places.len() as u32 - 1
+            });
+        }
+        dark
+    };
+    let materials = scene.materials.iter().map(dark).collect();
+    (materials, places)
 }
 
 impl BakeHeader {

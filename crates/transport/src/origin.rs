@@ -83,7 +83,7 @@ fn file_name(path: &str) -> String {
 /// Lumen of each nit of the brightest radiance, channel by channel, of some triangles: π times their area, twice where they
 /// shine from both sides; `None` under a texture or alpha.
 fn flux(scene: &Scene, triangles: &[u32]) -> Option<f32> {
-    let (mut flux, mut brightest) = (0.0, Vec3::ZERO);
+    let (mut flux, mut brightest) = (0.0_f64, Vec3::ZERO);
     for &triangle in triangles {
         let material = &scene.materials[scene.mesh.triangle_material[triangle as usize] as usize];
         if material.emissive_texture.is_some() || material.alpha != AlphaMode::Opaque {
@@ -91,10 +91,10 @@ fn flux(scene: &Scene, triangles: &[u32]) -> Option<f32> {
         }
         let sides = if material.double_sided { 2.0 } else { 1.0 };
         let area = 0.5 * scene.mesh.area_normal(triangle).length();
-        flux += PI * area * sides * luminance(material.emitted_radiance());
+        flux += f64::from(PI * area * sides * luminance(material.emitted_radiance()));
         brightest = brightest.max(material.emitted_radiance());
     }
-    let lumens = flux / luminance(brightest);
+    let lumens = flux as f32 / luminance(brightest);
     lumens.is_finite().then_some(lumens)
 }
 

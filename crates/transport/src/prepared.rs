@@ -375,7 +375,7 @@ impl PreparedScene {
     }
 
     /// What of the scene itself is found needless, whoever looks at it.
-    pub(crate) fn spared(&self) -> Spared {
+    pub fn spared(&self) -> Spared {
         let diffuse = self.scene.materials.iter().filter(|material| material.is_plainly_diffuse()).count();
         Spared {
             diffuse_materials: if self.skips.has(Skip::Lobes) { diffuse as u32 } else { 0 },

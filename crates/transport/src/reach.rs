@@ -18,7 +18,7 @@ use crate::emitters::{Emitter, punctual_falloff};
 use crate::prepared::PreparedScene;
 use crate::sampler::{Sampler, uniform_sphere};
 use crate::scene::{PunctualKind, PunctualLight};
-use crate::skips::Skip;
+use crate::skips::{Skip, Spared};
 
 /// Walks that look for light, and surfaces that each of them meets.
 const WALKS: u32 = 64;
@@ -27,6 +27,13 @@ const SURFACES: u32 = 8;
 const MOST_PAIRS: usize = 1 << 26;
 /// Stream of random numbers that nobody else uses.
 const STREAM: u64 = 7 << 59;
+
+impl PreparedScene {
+    /// What is found needless of the scene itself, and the lights that light nothing of what is seen from `eye`.
+    pub fn spared_from(&self, eye: Vec3) -> Spared {
+        Spared { dark_sources: dark_sources(self, eye), ..self.spared() }
+    }
+}
 
 /// Indices of the sources that light nothing of what is seen from `eye`, in order.
 pub(crate) fn dark_sources(scene: &PreparedScene, eye: Vec3) -> Vec<u32> {

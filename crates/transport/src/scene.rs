@@ -5,6 +5,7 @@
 
 mod bodies;
 mod finish;
+mod slots;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

@@ -21,18 +21,22 @@ const SAMPLES: u32 = 64;
 /// Stream of random numbers that nobody else uses.
 const STREAM: u64 = 5 << 59;
 
+/// Said of a scan with its light baked in.
+const NO_OTHERS: &str = "; there are no other surfaces, so that no light changes the picture: export it with lit materials, without KHR_materials_unlit";
+
 /// Gives unlit surfaces their strength, and tells it; `None` where there are none.
 pub(crate) fn brighten(scene: &mut PreparedScene) -> Option<String> {
     let sources = scene.lighting.basis.sources.iter();
     let idx = sources.enumerate().find(|(_, source)| source.kind == SourceKind::Constant)?.0;
     let camera = scene.scene.cameras.first().cloned();
     let nit = camera.and_then(|camera| paper_nit(scene, &camera)).unwrap_or(1.0);
+    let alone = if scene.scene.materials.iter().all(|material| material.unlit) { NO_OTHERS } else { "" };
     let source = &mut scene.lighting.basis.sources[idx];
     source.strength = nit;
     let key = &source.key;
     Some(format!(
         "unlit surfaces are seen, and light passes them; a white one has {nit} nit, as paper has in the light of the file: \
-         a look sets more or less with the light `{key}`"
+         a look sets more or less with the light `{key}`{alone}"
     ))
 }
 

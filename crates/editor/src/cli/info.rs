@@ -9,13 +9,14 @@ use clerestory_relight::gpu::device_bytes;
 use clerestory_transport::archive;
 use clerestory_transport::basis::{LightBasis, LightSource};
 use clerestory_transport::bsdf::{FurnaceLoss, furnace_loss};
-use clerestory_transport::camera::Film;
+use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::Lighting;
 use clerestory_transport::import::{Choice, Imported};
 use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::{Material, Scene};
+use clerestory_transport::skips::Spared;
 use serde_json::{Value, json};
 
 use super::args::InfoArgs;
@@ -34,7 +35,7 @@ const TRANSPORT_MAGIC: &[u8] = b"CLERTRAN";
 const PICTURES: [&[u8]; 4] = [b"\x76\x2f\x31\x01", b"\x89PNG", b"\xff\xd8\xff", b"#?"];
 
 /// Most triangles of a scene that is prepared as for tracing, and most cameras that are looked through.
-const MOST_TRIANGLES: usize = 1_000_000;
+const MOST_TRIANGLES: usize = 10_000_000;
 const MOST_CAMERAS: usize = 32;
 
 /// The kinds of file that this program knows.
@@ -112,12 +113,14 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
     let furnace = furnace_loss(&scene);
     // Of the file: those without area are there, though no light meets them.
     let triangles = scene.mesh.triangles.len() + report.n_degenerate_triangles;
-    let basis = lights_of(scene, n_cameras, MOST_TRIANGLES, console);
+    let size_m = scene.mesh.bounds().map(|(low, high)| (high - low).to_array());
+    let (basis, spared) = lights_of(scene, n_cameras, MOST_TRIANGLES, console);
     let sources = &basis.sources;
     let keys: Vec<&str> = sources.iter().map(|source| source.key.as_str()).collect();
     let json = json!({
         "triangles": triangles,
         "degenerate_triangles": report.n_degenerate_triangles,
+        "size_m": size_m,
         "nodes": report.n_nodes,
         "cameras": cameras.len(),
         "camera_names": cameras,
@@ -130,53 +133,93 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
         "furnace_loss": furnace.map(|loss| json!({
             "materials": loss.n_materials, "at_most": loss.at_most, "without_compensation": loss.single,
         })),
+        "skipped": spared.as_ref().map(|spared| skipped(spared, &keys)),
         "unsupported": report.unsupported,
         "warnings": console.warnings(),
     });
     let words = format!(
-        "{}: {} triangles, {} nodes, {} materials\ncameras  {}\nlights   {}{}{}{}{}\nnot supported  {}",
+        "{}: {} triangles, {} nodes, {} materials{}\ncameras  {}\nlights   {}{}{}{}{}{}\nnot supported  {}",
         path.display(),
         triangles,
         report.n_nodes,
         report.n_materials,
+        size_m.map_or(String::new(), |[x, y, z]| format!(", {x:.2} × {y:.2} × {z:.2} m")),
         listed(&cameras),
         listed(&sources.iter().map(|source| light_words(source, &basis)).collect::<Vec<_>>()),
         line_of("sensors", &sensors),
         line_of("cast caustics, which moved and added lamps lack", &caustic),
         line_of("variants", &report.variants),
         furnace.map_or(String::new(), furnace_words),
+        line_of("needless", &spared.map_or(Vec::new(), |spared| skipped_words(&spared, &keys))),
         listed(&report.unsupported),
     );
     Ok(Answer { json, words })
 }
 
-/// The lights of a scene, and warnings of what in it would be dark or cut away. Of more triangles than so many only the lights are
-/// told: the rest takes all that tracing takes.
-fn lights_of(scene: Scene, n_cameras: usize, most_triangles: usize, console: &mut Console) -> LightBasis {
+/// Work that a scene does not need; the lights are those that reach nothing of what its first camera sees.
+fn skipped(spared: &Spared, keys: &[&str]) -> Value {
+    json!({
+        "diffuse_materials": spared.diffuse_materials, "opaque_triangles": spared.opaque_triangles,
+        "idle_images": spared.idle_images, "idle_image_bytes": spared.idle_bytes, "dark_lights": dark_lights(spared, keys),
+    })
+}
+
+fn dark_lights<'k>(spared: &Spared, keys: &[&'k str]) -> Vec<&'k str> {
+    spared.dark_sources.iter().filter_map(|&source| keys.get(source as usize).copied()).collect()
+}
+
+fn skipped_words(spared: &Spared, keys: &[&str]) -> Vec<String> {
+    let counted = [
+        (spared.diffuse_materials, "coats of", "materials that are diffuse alone"),
+        (spared.opaque_triangles, "the alpha of", "triangles"),
+        (spared.idle_images, "the texels of", "images that nothing samples"),
+    ];
+    let mut words: Vec<String> = counted
+        .into_iter()
+        .filter(|(count, ..)| *count > 0)
+        .map(|(count, what, whose)| format!("{what} {count} {whose}"))
+        .collect();
+    let dark = dark_lights(spared, keys);
+    if !dark.is_empty() {
+        words.push(format!("the light of {}, of which the first camera sees nothing", dark.join(", ")));
+    }
+    words
+}
+
+/// The lights of a scene and what work it does not need, and warnings of what in it would be dark or cut away. Of more triangles than
+/// so many only the lights are told: the rest takes all that tracing takes.
+fn lights_of(
+    scene: Scene,
+    n_cameras: usize,
+    most_triangles: usize,
+    console: &mut Console,
+) -> (LightBasis, Option<Spared>) {
     let lights = if scene.mesh.triangles.len() > most_triangles {
         Lighting::new(&scene, &[]).map(|(lighting, mut warnings)| {
             warnings.push(format!(
                 "of more than {most_triangles} triangles it is not looked for lamps that are closed in, for views of backs, nor for \
                  how bright unlit surfaces are: `trace` and `bake` tell of that"
             ));
-            (lighting.basis, warnings)
+            (lighting.basis, None, warnings)
         })
     } else {
         PreparedScene::new(scene, &[]).map(|(prepared, mut warnings)| {
             let cameras = prepared.scene.cameras.iter().take(n_cameras.min(MOST_CAMERAS));
             warnings.extend(cameras.filter_map(|camera| prepared.warn_of_backs(camera)));
-            (prepared.lighting.basis, warnings)
+            let eye = prepared.scene.cameras.first().map(Camera::position);
+            let spared = eye.map_or_else(|| prepared.spared(), |eye| prepared.spared_from(eye));
+            (prepared.lighting.basis, Some(spared), warnings)
         })
     };
     match lights {
-        Ok((basis, warnings)) => {
+        Ok((basis, spared, warnings)) => {
             console.warn_all(warnings);
-            basis
+            (basis, spared)
         }
         // A light that cannot be made a column is a warning here: the file itself is what was asked about.
         Err(error) => {
             console.warn(&error.to_string());
-            LightBasis::default()
+            (LightBasis::default(), None)
         }
     }
 }
@@ -352,12 +395,47 @@ mod tests {
         let told = |most_triangles: usize| {
             let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
             let mut console = Console::new(Instant::now(), &mut stdout, &mut stderr, Interrupt::never());
-            let basis = lights_of(scene.clone(), 0, most_triangles, &mut console);
+            let (basis, _) = lights_of(scene.clone(), 0, most_triangles, &mut console);
             (basis, console.warnings().to_vec())
         };
         let ((all, nothing), (lights, words)) = (told(1), told(0));
         assert_eq!((all.sources.len(), nothing), (1, Vec::<String>::new()));
         assert_eq!(lights, all);
         assert!(words.len() == 1 && words[0].contains("more than 0 triangles"), "{words:?}");
+    }
+
+    #[test]
+    fn a_building_of_more_than_a_million_triangles_is_looked_through() {
+        let side = 1001;
+        let place = |i: u32| Vec3::new((i % side) as f32, 0.0, (i / side) as f32);
+        let quad = |i: u32| [[i, i + side, i + side + 1], [i, i + side + 1, i + 1]];
+        let triangles: Vec<[u32; 3]> = (0..side * (side - 1)).filter(|i| i % side < side - 1).flat_map(quad).collect();
+        let (n_vertices, n) = ((side * side) as usize, triangles.len());
+        assert!(n > 1_000_000);
+        let scene = Scene {
+            mesh: Mesh {
+                positions: (0..side * side).map(place).collect(),
+                normals: vec![Vec3::Y; n_vertices],
+                triangles,
+                triangle_material: vec![0; n],
+                triangle_node: vec![0; n],
+                ..Mesh::default()
+            },
+            materials: vec![Material { metallic: 0.0, specular: 0.0, ..Material::default() }],
+            nodes: vec![SceneNode::default()],
+            ..Scene::default()
+        };
+        let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+        let mut console = Console::new(Instant::now(), &mut stdout, &mut stderr, Interrupt::never());
+        let (basis, spared) = lights_of(scene, 0, MOST_TRIANGLES, &mut console);
+        let spared = spared.expect("it is prepared");
+        let keys: Vec<&str> = basis.sources.iter().map(|source| source.key.as_str()).collect();
+        assert_eq!(skipped(&spared, &keys)["diffuse_materials"], 1);
+        assert_eq!(skipped(&spared, &keys)["dark_lights"], json!([]));
+        let words = skipped_words(&Spared { dark_sources: vec![0], ..spared }, &keys).join(", ");
+        assert!(
+            words.contains("coats of 1 materials") && words.contains(&format!("the light of {}", keys[0])),
+            "{words}"
+        );
     }
 }

@@ -111,7 +111,11 @@ impl Document {
     /// # Errors
     /// If it is no JSON object.
     pub fn parse(json: &[u8]) -> Result<Document> {
-        let json = json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json);
+        let mut json = json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json);
+        // What a chunk was filled up with.
+        while let [head @ .., 0 | b' '] = json {
+            json = head;
+        }
         let root = serde_json::from_slice(json).context("its JSON is damaged")?;
         Ok(Document { root, lists: BTreeMap::new() })
     }
@@ -206,6 +210,6 @@ mod tests {
             written,
             r#"{"z":[1.0,0.10000000149011612,-0,1e-5],"nodes":[{"b":{"x" : 2.50},"a":1e2},{"name":"\u00e9","extensions":{"new":1}}],"a":{},"extensionsUsed":["KHR_lights_punctual"],"extensions":{"KHR_lights_punctual":{"lights":[{"type":"point"}]}}}"#
         );
-        assert!(Document::parse(b"[]").is_err());
+        assert!(Document::parse(b"[]").is_err() && Document::parse(b"{}\0 \0\0").is_ok());
     }
 }

@@ -1,12 +1,14 @@
 //! What the columns of a bake rest on, so that a later bake can tell which of them are still right.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::{BakeHeader, BakeJob};
 use crate::emitters::{Emitter, Lighting, ShiningTriangle};
-use crate::fingerprint::{digest, of_surfaces};
+use crate::fingerprint::{digest, of_surfaces, of_texture};
 use crate::prepared::PreparedScene;
-use crate::scene::PunctualLight;
+use crate::scene::{PunctualLight, Scene, TextureRef};
 use crate::skips::Skip;
 
 /// Hashes of all that decides the columns of a bake. A column rests on all surfaces, the view, the settings and its own light; on
@@ -39,12 +41,12 @@ impl BakeJob {
         let skips: Vec<Skip> = self.scene.skips.off().into_iter().filter(|skip| *skip != Skip::Reuse).collect();
         let settings = (env!("CARGO_PKG_VERSION"), &self.config, skips);
         let settings = serde_json::to_vec(&settings).expect("settings always have a JSON form");
-        let n_lights = self.scene.lighting.emitters.len();
+        let (n_lights, maps) = (self.scene.lighting.emitters.len(), maps_of_lights(&self.scene.scene));
         Grounds {
             surfaces: of_surfaces(&self.scene.scene),
             view: self.view(""),
             settings: hash_of(&settings),
-            lights: (0..n_lights).map(|source| of_light(&self.scene, source)).collect(),
+            lights: (0..n_lights).map(|source| of_light(&self.scene, &maps, source)).collect(),
         }
     }
 
@@ -70,12 +72,23 @@ fn hash_of(bytes: &[u8]) -> String {
     format!("{:016x}", digest(bytes))
 }
 
-fn of_light(prepared: &PreparedScene, source: usize) -> String {
+/// Hashes of the textures by which surfaces shine, by their places in the scene.
+fn maps_of_lights(scene: &Scene) -> BTreeMap<u32, u64> {
+    let places = scene.materials.iter().filter_map(|material| Some(material.emissive_texture?.texture));
+    let mut maps = BTreeMap::new();
+    for place in places {
+        maps.entry(place).or_insert_with(|| scene.textures.get(place as usize).map_or(0, of_texture));
+    }
+    maps
+}
+
+fn of_light(prepared: &PreparedScene, maps: &BTreeMap<u32, u64>, source: usize) -> String {
     let Lighting { basis, emitters, .. } = &prepared.lighting;
     let scene = &prepared.scene;
     let texture = |triangle: u32| {
         let material = &scene.materials[scene.mesh.triangle_material[triangle as usize] as usize];
-        format!("{:?}", material.emissive_texture)
+        let map = |map: TextureRef| (TextureRef { texture: 0, ..map }, maps.get(&map.texture));
+        format!("{:?}", material.emissive_texture.map(map))
     };
     let words = match &emitters[source] {
         Emitter::Punctual(light) => {

@@ -1,6 +1,6 @@
 //! Emissive triangles as a light to connect to: a point of them, its normal and its radiance.
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::{Plate, share_of};
 use crate::scene::{AlphaMode, Material, Scene};
@@ -12,6 +12,8 @@ pub struct SurfaceEmitter {
     pub triangles: Vec<ShiningTriangle>,
     /// Total area, m².
     pub area: f32,
+    /// The same, as summed.
+    total: f64,
     /// Radiance without texture of its brightest material, channel by channel.
     brightest: Vec3,
 }
@@ -30,8 +32,8 @@ pub struct ShiningTriangle {
     white: Vec3,
     /// Whether it has one of them.
     varies: bool,
-    /// Area of all triangles before it, m².
-    area_before: f32,
+    /// Area of all triangles before it, m². In single precision small ones would round away beside a large one.
+    area_before: f64,
     /// One over its own area, 1/m².
     per_area: f32,
 }
@@ -68,12 +70,12 @@ pub(crate) struct SurfacePoint {
 impl SurfaceEmitter {
     /// `brightest` as the field says.
     pub(crate) fn new(scene: &Scene, triangles: &[u32], brightest: Vec3) -> SurfaceEmitter {
-        let mut area = 0.0;
+        let mut total = 0.0;
         let shining = |&triangle: &u32| {
             let [a, b, c] = scene.mesh.corners(triangle);
             let normal = (b - a).cross(c - a);
-            let (area_before, own) = (area, 0.5 * normal.length());
-            area += own;
+            let (area_before, own) = (total, 0.5 * normal.length());
+            total += f64::from(own);
             let material: &Material = &scene.materials[scene.mesh.triangle_material[triangle as usize] as usize];
             ShiningTriangle {
                 triangle,
@@ -88,7 +90,7 @@ impl SurfaceEmitter {
             }
         };
         let triangles = triangles.iter().map(shining).collect();
-        SurfaceEmitter { triangles, area, brightest }
+        SurfaceEmitter { triangles, area: total as f32, total, brightest }
     }
 
     /// The white column's radiance from one of its materials, but for the texture.
@@ -99,10 +101,11 @@ impl SurfaceEmitter {
     /// A point with uniform density over the area, for `u` uniform in [0, 1)².
     #[inline]
     pub(crate) fn sample(&self, u: Vec2) -> SurfacePoint {
-        let at = u.x * self.area;
+        let at = f64::from(u.x) * self.total;
         let nth = self.triangles.partition_point(|t| t.area_before <= at).max(1) - 1;
         let chosen = &self.triangles[nth];
-        let barycentric = barycentric_of([((at - chosen.area_before) * chosen.per_area).clamp(0.0, 1.0), u.y]);
+        let along = (at - chosen.area_before) as f32 * chosen.per_area;
+        let barycentric = barycentric_of([along.clamp(0.0, 1.0), u.y]);
         SurfacePoint {
             position: chosen.corner + chosen.edges[0] * barycentric.y + chosen.edges[1] * barycentric.z,
             normal: chosen.normal,
@@ -144,8 +147,8 @@ impl SurfaceEmitter {
 
     /// The middle of its triangles, each weighed by its area.
     pub(crate) fn center(&self) -> Vec3 {
-        let weighed = |t: &ShiningTriangle| (t.corner + (t.edges[0] + t.edges[1]) / 3.0) / t.per_area;
-        self.triangles.iter().map(weighed).sum::<Vec3>() / self.area.max(f32::MIN_POSITIVE)
+        let weighed = |t: &ShiningTriangle| ((t.corner + (t.edges[0] + t.edges[1]) / 3.0) / t.per_area).as_dvec3();
+        (self.triangles.iter().map(weighed).sum::<DVec3>() / self.total.max(f64::MIN_POSITIVE)).as_vec3()
     }
 }
 
@@ -158,6 +161,8 @@ fn barycentric_of([x, y]: [f32; 2]) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
     use crate::sampler::Sampler;
     use crate::scene::Mesh;
@@ -190,6 +195,22 @@ mod tests {
         assert!(emitter(&[[a, b, c], [a, c, far]]).plate().is_none(), "no parallelogram");
         assert!(emitter(&[[a, b, c], [a, b, c]]).plate().is_none(), "the same triangle twice");
         assert!(emitter(&[[a, b, c]]).plate().is_none(), "a single triangle");
+    }
+
+    #[test]
+    fn a_million_small_triangles_are_as_large_as_all_of_them() {
+        let (n, side) = (1 << 20, 4.4721e-4);
+        let own = [Vec3::ZERO, Vec3::X * side, Vec3::Y * side];
+        let mut corners = vec![own; n];
+        let all = n as f32 * 0.5 * side * side;
+        let area = emitter(&corners).area;
+        assert!((area / all - 1.0).abs() < 1e-4, "{area} of {all}");
+        // Behind a large one each random number finds one of its own.
+        corners[0] = own.map(|corner| corner * 1e4);
+        let behind = emitter(&corners);
+        let sample = |i: u32| behind.sample(Vec2::new(1.0 - i as f32 / (1 << 24) as f32, 0.5)).triangle;
+        let found: BTreeSet<u32> = (0..1 << 14).map(sample).collect();
+        assert!(found.len() > 16_000, "{} of 16384", found.len());
     }
 
     #[test]

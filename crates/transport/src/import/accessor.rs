@@ -27,6 +27,8 @@ pub(super) struct Reader<'a> {
     pub buffers: &'a Buffers<'a>,
     /// Whether the file is still wanted.
     pub stop: &'a Stop,
+    /// The elements that are read, in order, each once; all of them where there is none.
+    pub picked: Option<&'a [u32]>,
 }
 
 impl Reader<'_> {
@@ -100,27 +102,33 @@ impl Reader<'_> {
     ) -> Result<Vec<T>, String> {
         self.stop.check().map_err(|stopped| stopped.to_string())?;
         let count = size(accessor.count);
+        if self.picked.and_then(<[u32]>::last).is_some_and(|&last| last as usize >= count) {
+            return Err(format!("accessor {index} has {count} elements, too few for its vertices"));
+        }
         let mut elements = match accessor.buffer_view.map(|view| view.value()) {
             Some(view) => {
                 let (bytes, stride) = self.buffers.view(view)?;
-                let bytes = strided(bytes, accessor.byte_offset.map_or(0, size), stride, n_bytes, count)
+                let element = strided(bytes, accessor.byte_offset.map_or(0, size), stride, n_bytes, count)
                     .ok_or_else(|| format!("accessor {index} reaches beyond the end of its buffer view"))?;
-                bytes.map(&decode).collect()
+                match self.picked {
+                    Some(picked) => picked.iter().map(|&place| decode(element(place as usize))).collect(),
+                    None => (0..count).map(|place| decode(element(place))).collect(),
+                }
             }
             None if count > MAX_ELEMENTS_WITHOUT_BYTES => {
                 return Err(format!("accessor {index} asks for {} elements without giving them", count));
             }
-            None => vec![zero; count],
+            None => vec![zero; self.picked.map_or(count, <[u32]>::len)],
         };
         if let Some(sparse) = &accessor.sparse {
-            self.overlay(index, sparse, &mut elements, n_bytes, decode)?;
+            self.overlay((index, count), sparse, &mut elements, n_bytes, decode)?;
         }
         Ok(elements)
     }
 
     fn overlay<T>(
         &self,
-        index: usize,
+        (index, n_elements): (usize, usize),
         sparse: &Sparse,
         elements: &mut [T],
         n_bytes: usize,
@@ -135,30 +143,37 @@ impl Reader<'_> {
         let places = strided(bytes, size(sparse.indices.byte_offset), None, component.size(), count);
         let (bytes, _) = self.buffers.view(sparse.values.buffer_view.value())?;
         let values = strided(bytes, size(sparse.values.byte_offset), None, n_bytes, count);
-        for (place, value) in places.ok_or_else(beyond)?.zip(values.ok_or_else(beyond)?) {
-            let place = index_from(component, place) as usize;
-            *elements.get_mut(place).ok_or_else(beyond)? = decode(value);
+        let (place, value) = (places.ok_or_else(beyond)?, values.ok_or_else(beyond)?);
+        for nth in 0..count {
+            let place = index_from(component, place(nth));
+            if place as usize >= n_elements {
+                return Err(beyond());
+            }
+            let at = self.picked.map_or(Some(place as usize), |picked| picked.binary_search(&place).ok());
+            if let Some(element) = at.and_then(|at| elements.get_mut(at)) {
+                *element = decode(value(nth));
+            }
         }
         Ok(())
     }
 }
 
-/// `count` elements of `size` bytes, `None` when they do not all fit.
-fn strided(
-    bytes: &[u8],
+/// Where `count` elements of `size` bytes are, by their places; `None` when they do not all fit.
+fn strided<'b>(
+    bytes: &'b [u8],
     offset: usize,
     stride: Option<usize>,
     size: usize,
     count: usize,
-) -> Option<impl Iterator<Item = &[u8]>> {
+) -> Option<impl Fn(usize) -> &'b [u8]> {
     let stride = stride.filter(|&stride| stride > 0).unwrap_or(size);
     if let Some(n_before) = count.checked_sub(1) {
         let last = n_before.checked_mul(stride)?.checked_add(offset)?;
         bytes.get(last..last.checked_add(size)?)?;
     }
     #[expect(clippy::arithmetic_side_effects, reason = "the end of the last element is within the bytes")]
-    let element = move |i: usize| &bytes[offset + i * stride..][..size];
-    Some((0..count).map(element))
+    let element = move |place: usize| &bytes[offset + place * stride..][..size];
+    Some(element)
 }
 
 /// The component type of an accessor, which may be one that glTF does not have.

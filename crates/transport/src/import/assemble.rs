@@ -1,6 +1,6 @@
 //! Materials in use, and the primitives of every node with theirs.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::DMat4;
 use gltf::json::mesh::Mode;
@@ -12,9 +12,9 @@ use serde_json::Value;
 use super::ImportError;
 use super::accessor::Reader;
 use super::document::called;
-use super::geometry::{self, Built, Job};
+use super::geometry::{self, Built, FEW, Job};
 use super::hierarchy::{self, PlacedNode};
-use super::material::Converter;
+use super::material::{Converter, UsedTexture};
 use super::report::Notes;
 use super::skins::{Skeletons, Skin};
 use super::variants::Variant;
@@ -88,7 +88,7 @@ pub(super) fn add_materials(
     placed: &[PlacedNode],
     variant: Variant,
     notes: &mut Notes,
-) -> (MaterialSlots, Vec<usize>) {
+) -> (MaterialSlots, Vec<UsedTexture>) {
     let visible = placed.iter().filter(|node| node.visible);
     let meshes = visible.filter_map(|node| document.get(document.nodes[node.index].mesh?));
     let mut used = vec![false; document.materials.len()];
@@ -207,10 +207,14 @@ impl Load {
             let targets = targets.flatten().map(|index| of(index.value()));
             let n_vertices = attributes.clone().max().unwrap_or(0);
             let n_corners = primitive.indices.map_or(n_vertices, |index| of(index.value()));
+            // Of vertices that many primitives share, each reads its own.
+            let most = primitive.indices.map_or(u64::MAX, |_| n_corners.saturating_mul(FEW));
             let is_list = primitive.mode == Checked::Valid(Mode::Triangles);
             load.triangles = load.triangles.saturating_add((if is_list { n_corners / 3 } else { n_corners }).max(1));
-            load.elements =
-                attributes.chain(targets).fold(load.elements.saturating_add(n_corners), u64::saturating_add);
+            load.elements = attributes
+                .chain(targets)
+                .map(|n| n.min(most))
+                .fold(load.elements.saturating_add(n_corners), u64::saturating_add);
         }
         load
     }
@@ -243,6 +247,10 @@ fn instancing(node: &Node) -> Option<&Value> {
 /// The node's own transform, or one per instance.
 fn transforms(reader: &Reader, node: &Node, placed: &PlacedNode, name: &str, notes: &mut Notes) -> Vec<DMat4> {
     let Some(instancing) = instancing(node) else { return vec![placed.world_from_node] };
+    let is_colored = |attributes: &Value| ["_COLOR_0", "COLOR_0"].iter().any(|name| attributes.get(*name).is_some());
+    if instancing.get("attributes").is_some_and(is_colored) {
+        notes.unsupported(format!("{name}: its instances have colors of their own, which are ignored"));
+    }
     match hierarchy::instances(reader, instancing) {
         Ok(instances) => instances
             .into_iter()
@@ -253,5 +261,35 @@ fn transforms(reader: &Reader, node: &Node, placed: &PlacedNode, name: &str, not
             notes.warn(format!("{name}: {reason}: its instances are left out"));
             vec![placed.world_from_node]
         }
+    }
+}
+
+/// Tells of nodes whose instances shine: they are one light.
+pub(super) fn note_instances(
+    reader: &Reader,
+    scene: &Scene,
+    placed: &[PlacedNode],
+    indices: &[Option<u32>],
+    notes: &mut Notes,
+) {
+    let mut instanced = BTreeMap::new();
+    for (placed, node_idx) in placed.iter().zip(indices).filter(|(placed, _)| placed.visible) {
+        let node = &reader.document.nodes[placed.index];
+        let n_instances = instancing(node).map_or(1, |instancing| hierarchy::n_instances(reader, instancing));
+        if let Some(node_idx) = node_idx.filter(|_| n_instances > 1) {
+            instanced.insert(node_idx, (called("node", placed.index, node.name.as_ref()), n_instances));
+        }
+    }
+    if instanced.is_empty() {
+        return;
+    }
+    let shines = |(_, material): &(&u32, &u32)| scene.materials[**material as usize].is_emitter();
+    let triangles = scene.mesh.triangle_node.iter().zip(&scene.mesh.triangle_material);
+    let shining: BTreeSet<u32> = triangles.filter(shines).map(|(node, _)| *node).collect();
+    for (_, (name, n_instances)) in instanced.into_iter().filter(|(node_idx, _)| shining.contains(node_idx)) {
+        notes.unsupported(format!(
+            "{name}: its {n_instances} instances are one light, which is dimmed as a whole: \
+             export them as nodes of their own to dim them one by one"
+        ));
     }
 }

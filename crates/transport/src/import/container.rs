@@ -24,10 +24,29 @@ pub(super) struct Container<'a> {
     pub bin: Option<Cow<'a, [u8]>>,
 }
 
+/// First bytes of files that are taken for scenes, what they are, and what to do about it.
+const OTHERS: &[(&[u8], &str, &str)] = &[
+    (
+        b"PK\x03\x04",
+        "an archive (ZIP or USDZ)",
+        "unpack it and open what is in it; export a .usdz as glTF, with Blender say",
+    ),
+    (b"\x1F\x8B", "a gzip archive", "unpack it first"),
+    (b"Kaydara FBX Binary", "an FBX file", "export it as glTF, with Blender say"),
+    (b"BLENDER", "a Blender file", "export it as glTF there"),
+    (b"PXR-USDC", "a USD file", "export it as glTF, with Blender say"),
+    (b"#usda", "a USD file", "export it as glTF, with Blender say"),
+    (b"version https://git-lfs", "a stub of Git LFS", "fetch the file itself by `git lfs pull`"),
+    (b"<", "a page or document (HTML or XML)", "download the file itself, or export the scene as glTF"),
+];
+
 /// Splits a file into its chunks; a JSON glTF is one chunk.
 pub(super) fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Container<'a>, ImportError> {
+    if let Some(&(_, kind, remedy)) = OTHERS.iter().find(|(magic, ..)| bytes.trim_ascii_start().starts_with(magic)) {
+        return Err(ImportError::Kind { name: name.to_owned(), kind, remedy });
+    }
     if !bytes.starts_with(GLB_MAGIC) {
-        return Ok(Container { json: bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).into(), bin: None });
+        return Ok(Container { json: bytes.into(), bin: None });
     }
     let broken = |reason: String| ImportError::Container { name: name.to_owned(), reason };
     let announced = bytes.get(8..12).map(|four| u32::from_le_bytes(four.try_into().expect("four bytes were sliced")));

@@ -1,8 +1,11 @@
 //! The JSON of a file as `gltf::json::Root`, which the rest of the import reads.
 //!
 //! That model is stricter than the files that people have: it refuses scenes without `nodes`, animations of kinds that it
-//! does not know, and members that are `null`, as exporters write what they leave out. So the JSON is mended first. Nothing is
-//! validated: every index must be looked up with `get`.
+//! does not know, members that are `null`, as exporters write what they leave out, and counts written as 24.0. So the JSON is
+//! mended first. Nothing is validated: every index must be looked up with `get`.
+
+use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 use gltf::json::material::NormalTexture;
 use gltf::json::texture::Info;
@@ -10,9 +13,10 @@ use gltf::json::validation::USize64;
 use gltf::json::{Root, texture};
 use serde::Deserialize;
 use serde::de::Error as _;
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Number, Value, json};
 
 use super::ImportError;
+use super::report::Notes;
 use super::skins::Skin;
 
 /// A file's JSON.
@@ -60,14 +64,27 @@ const DEMANDED: &[(&[&str], &str, &str)] = &[
 /// The extension that has lamps.
 const LAMPS: &str = "KHR_lights_punctual";
 
-/// Reads the JSON of a file.
+/// Reads the JSON of a file; blanks and zeros that fill a chunk up may follow it, and a byte order mark may stand before it.
 ///
 /// # Errors
 /// When it is not JSON, of no version or another one than 2 or for readers of a newer one, or of another shape than glTF's; the place is named.
-pub(super) fn read(name: &str, text: &[u8]) -> Result<Document, ImportError> {
+pub(super) fn read(name: &str, text: &[u8], notes: &mut Notes) -> Result<Document, ImportError> {
     let broken = |source| ImportError::Json { name: name.to_owned(), source };
-    let mut value: Value = serde_json::from_slice(text).map_err(broken)?;
-    drop_nulls(&mut value);
+    let mut text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
+    while let [head @ .., 0 | b' '] = text {
+        text = head;
+    }
+    let text = String::from_utf8_lossy(text);
+    if matches!(text, Cow::Owned(_)) {
+        notes.warn("its text is not all UTF-8: letters of names that cannot be read are shown as \u{FFFD}".to_owned());
+    }
+    let mut value: Value = serde_json::from_str(&text).map_err(broken)?;
+    let mut broken_lists = BTreeSet::new();
+    tidy(&mut value, &mut broken_lists);
+    for key in broken_lists {
+        notes
+            .warn(format!("`{key}` holds null where a number belongs, as of one that is none: it is read as left out"));
+    }
     let Some(version) = value.pointer("/asset/version").and_then(Value::as_str) else {
         return Err(ImportError::NoVersion { name: name.to_owned() });
     };
@@ -93,17 +110,51 @@ fn is_readable(min_version: &str) -> bool {
     matches!(parts, Some((Ok(major), Ok(minor))) if (major, minor) <= (2, 0))
 }
 
-/// Takes members that are `null` from all objects but extras: nothing in glTF is said by that.
-fn drop_nulls(value: &mut Value) {
+/// Takes members that are `null` from all objects but extras, for nothing in glTF is said by that, and lists of numbers with a `null`
+/// among them, which it names. Writes whole numbers as such.
+fn tidy(value: &mut Value, broken_lists: &mut BTreeSet<String>) {
     match value {
-        Value::Array(items) => items.iter_mut().for_each(drop_nulls),
+        Value::Array(items) => items.iter_mut().for_each(|item| tidy(item, broken_lists)),
         Value::Object(members) => {
-            members.retain(|_, member| !member.is_null());
-            members.iter_mut().filter(|(key, _)| *key != "extras").for_each(|(_, member)| drop_nulls(member));
+            members.retain(|key, member| {
+                let is_broken = key != "extras" && is_broken_list(member);
+                // Bounds of accessors are read by nobody.
+                if is_broken && !["min", "max"].contains(&key.as_str()) {
+                    broken_lists.insert(key.clone());
+                }
+                !is_broken && !member.is_null()
+            });
+            let read = members.iter_mut().filter(|(key, _)| *key != "extras");
+            read.for_each(|(_, member)| tidy(member, broken_lists));
+        }
+        Value::Number(number) => {
+            if let Some(whole) = whole(number) {
+                *number = whole.into();
+            }
         }
         _ => {}
     }
 }
+
+/// Whether of a list of numbers some are none.
+fn is_broken_list(value: &Value) -> bool {
+    let items = value.as_array().map_or(&[][..], Vec::as_slice);
+    items.len() > 1 && items.iter().any(Value::is_null) && items.iter().all(|item| item.is_null() || item.is_number())
+}
+
+/// What a number such as 24.0 counts: JSON knows no difference to 24.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "whole, and within the range in which all whole numbers are"
+)]
+fn whole(number: &Number) -> Option<u64> {
+    let float = number.as_f64().filter(|_| number.is_f64())?;
+    (float.fract() == 0.0 && (0.0..=MOST_WHOLE).contains(&float)).then_some(float as u64)
+}
+
+/// Up to here a float has every whole number.
+const MOST_WHOLE: f64 = (1_u64 << 53) as f64;
 
 fn mend(root: &mut Value) {
     for (path, name) in UNREAD {

@@ -32,7 +32,18 @@ const HONORED: &[&str] = &[
 ];
 
 /// Extensions that change nothing in the picture.
-const WITHOUT_EFFECT: &[&str] = &["KHR_xmp", "KHR_xmp_json_ld", "KHR_draco_mesh_compression"];
+const WITHOUT_EFFECT: &[&str] = &[
+    "EXT_instance_features",
+    "EXT_mesh_features",
+    "EXT_structural_metadata",
+    "FB_geometry_metadata",
+    "KHR_draco_mesh_compression",
+    "KHR_interactivity",
+    "KHR_node_hoverability",
+    "KHR_node_selectability",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+];
 
 /// What a known extension would have done, for the report.
 const LEFT_OUT: &[(&str, &str)] = &[
@@ -40,8 +51,8 @@ const LEFT_OUT: &[(&str, &str)] = &[
     ("KHR_animation_pointer", "animations are not played"),
     ("KHR_materials_dispersion", "glass does not split colors"),
     (VARIANTS, "the materials that the file shows by default are shown"),
-    ("KHR_texture_basisu", "KTX2 textures without a PNG or JPEG twin become a checkerboard"),
-    ("MSFT_texture_dds", "DDS textures without a PNG or JPEG twin become a checkerboard"),
+    ("KHR_texture_basisu", "KTX2 textures without a PNG or JPEG twin are a checkerboard as base color, else left out"),
+    ("MSFT_texture_dds", "DDS textures without a PNG or JPEG twin are a checkerboard as base color, else left out"),
 ];
 
 /// Said of an extension without which glTF lets a program refuse the file; what can be shown is shown.

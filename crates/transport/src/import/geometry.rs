@@ -82,14 +82,20 @@ impl Vertices {
             return Err("it has no vertex positions".to_owned());
         };
         if is_draco(job.primitive) && !reader.has_bytes(position) {
-            return Err("it is there in Draco compression only, which cannot be read".to_owned());
+            return Err(
+                "it is there in Draco compression only, which `gltf-transform copy IN.glb OUT.glb` undoes".to_owned()
+            );
         }
+        let corners = job.primitive.indices.map(|index| reader.indices(index.value())).transpose()?;
+        let picked = corners.as_deref().and_then(|corners| picked(corners, reader.n_elements(position)));
+        let reader = &Reader { picked: picked.as_deref(), ..*reader };
         let mut vertices =
             Vertices { positions: to_vec3(reader.floats(position, Integers::AsDeclared)?), ..Vertices::default() };
         let n_vertices = vertices.positions.len();
-        let corners = match job.primitive.indices {
-            Some(index) => reader.indices(index.value())?,
-            None => (0..u32::try_from(n_vertices).map_err(|_| "it has too many vertices".to_owned())?).collect(),
+        let corners = match (corners, &picked) {
+            (Some(corners), Some(picked)) => renumbered(&corners, picked),
+            (Some(corners), None) => corners,
+            (None, _) => (0..u32::try_from(n_vertices).map_err(|_| "it has too many vertices".to_owned())?).collect(),
         };
         vertices.read_attributes(reader, job, notes);
         vertices.morph(reader, job, notes);
@@ -197,6 +203,26 @@ impl Vertices {
             *tangent = placement.tangent(*tangent);
         }
     }
+}
+
+/// Vertices are picked where there are more than so many times the corners.
+pub(super) const FEW: u64 = 2;
+
+/// The vertices that corners use, where these are few of all: many primitives may share one list of vertices.
+fn picked(corners: &[u32], n_vertices: u64) -> Option<Vec<u32>> {
+    if (corners.len() as u64).saturating_mul(FEW) >= n_vertices {
+        return None;
+    }
+    let mut picked: Vec<u32> = corners.iter().copied().filter(|&v| u64::from(v) < n_vertices).collect();
+    picked.sort_unstable();
+    picked.dedup();
+    Some(picked)
+}
+
+/// Corners by the places of their vertices among those that were picked; of those that do not exist by one that does not either.
+#[expect(clippy::cast_possible_truncation, reason = "there are no more vertices than corners, at most 2³¹")]
+fn renumbered(corners: &[u32], picked: &[u32]) -> Vec<u32> {
+    corners.iter().map(|v| picked.binary_search(v).map_or(u32::MAX, |place| place as u32)).collect()
 }
 
 /// Accessor of an attribute.

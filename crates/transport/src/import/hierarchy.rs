@@ -136,14 +136,15 @@ fn trs(translation: Option<[f32; 3]>, rotation: Option<[f32; 4]>, scale: Option<
     )
 }
 
-/// Most instances that EXT_mesh_gpu_instancing can ask for; 0 where it gives none.
+/// Most instances that EXT_mesh_gpu_instancing can ask for; 1 where nothing says where they stand.
 pub(super) fn n_instances(reader: &Reader, instancing: &Value) -> u64 {
     let attributes = instancing.get("attributes");
     let accessors = ["TRANSLATION", "ROTATION", "SCALE"].into_iter().filter_map(|name| attributes?.get(name)?.as_u64());
-    accessors.map(|index| usize::try_from(index).map_or(0, |index| reader.n_elements(index))).min().unwrap_or(0)
+    accessors.map(|index| usize::try_from(index).map_or(0, |index| reader.n_elements(index))).min().unwrap_or(1)
 }
 
-/// Transforms of EXT_mesh_gpu_instancing within the node, or the reason why they cannot be read.
+/// Transforms of EXT_mesh_gpu_instancing within the node, or the reason why they cannot be read. Where nothing says where they stand
+/// all instances are in one place, and one is all that is seen of them.
 pub(super) fn instances(reader: &Reader, instancing: &Value) -> Result<Vec<DMat4>, String> {
     let attributes = instancing.get("attributes");
     let accessor = |name: &str| usize::try_from(attributes?.get(name)?.as_u64()?).ok();
@@ -151,7 +152,7 @@ pub(super) fn instances(reader: &Reader, instancing: &Value) -> Result<Vec<DMat4
     let rotations = accessor("ROTATION").map(|a| reader.floats::<4>(a, Integers::Normalized)).transpose()?;
     let scales = accessor("SCALE").map(|a| reader.floats::<3>(a, Integers::AsDeclared)).transpose()?;
     let counts = [translations.as_ref().map(Vec::len), rotations.as_ref().map(Vec::len), scales.as_ref().map(Vec::len)];
-    let n_instances = counts.into_iter().flatten().min().unwrap_or(0);
+    let Some(n_instances) = counts.into_iter().flatten().min() else { return Ok(vec![DMat4::IDENTITY]) };
     Ok((0..n_instances)
         .map(|i| {
             trs(translations.as_ref().map(|t| t[i]), rotations.as_ref().map(|r| r[i]), scales.as_ref().map(|s| s[i]))

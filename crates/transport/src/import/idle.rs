@@ -5,13 +5,14 @@ use gltf::json::Root;
 
 use super::container::Buffers;
 use super::images::{dimensions, sources_of};
+use super::material::UsedTexture;
 use crate::scene::{AlphaMode, Finish, Material, Scene, TextureRef};
 
-/// Takes idle textures from the materials, and from `textures` (indices in the file) those that none uses any more.
-pub(super) fn drop_idle(materials: &mut [Material], textures: &mut Vec<usize>) {
+/// Takes idle textures from the materials, and from `textures` those that none uses any more.
+pub(super) fn drop_idle(materials: &mut [Material], textures: &mut Vec<UsedTexture>) {
     materials.iter_mut().for_each(forget_idle);
     let mut is_used = vec![false; textures.len()];
-    for slot in materials.iter_mut().flat_map(slots) {
+    for slot in materials.iter_mut().flat_map(Material::texture_slots) {
         if let Some(used) = slot.as_ref().and_then(|texture| is_used.get_mut(texture.texture as usize)) {
             *used = true;
         }
@@ -24,7 +25,7 @@ pub(super) fn drop_idle(materials: &mut [Material], textures: &mut Vec<usize>) {
             Some(kept.saturating_sub(1))
         })
         .collect();
-    for texture in materials.iter_mut().flat_map(slots).flatten() {
+    for texture in materials.iter_mut().flat_map(Material::texture_slots).flatten() {
         texture.texture = places.get(texture.texture as usize).copied().unwrap_or(texture.texture);
     }
     let mut used = is_used.into_iter();
@@ -32,9 +33,9 @@ pub(super) fn drop_idle(materials: &mut [Material], textures: &mut Vec<usize>) {
 }
 
 /// Counts the images of the file that none of the textures needs.
-pub(super) fn count_idle(scene: &mut Scene, document: &Root, textures: &[usize], buffers: &Buffers) {
+pub(super) fn count_idle(scene: &mut Scene, document: &Root, textures: &[UsedTexture], buffers: &Buffers) {
     let mut is_needed = vec![false; document.images.len()];
-    for source in textures.iter().flat_map(|&texture| sources_of(document, texture)) {
+    for source in textures.iter().flat_map(|texture| sources_of(document, texture.index)) {
         if let Some(needed) = is_needed.get_mut(source) {
             *needed = true;
         }
@@ -79,32 +80,4 @@ fn forget_idle_finish(finish: &mut Finish) {
     idle(&mut finish.diffuse_transmission_texture, finish.diffuse_transmission <= 0.0);
     let no_color = finish.diffuse_transmission <= 0.0 || finish.diffuse_transmission_color == Vec3::ZERO;
     idle(&mut finish.diffuse_transmission_color_texture, no_color);
-}
-
-/// Every place of a material that may hold a texture.
-fn slots(material: &mut Material) -> Vec<&mut Option<TextureRef>> {
-    let mut slots = vec![
-        &mut material.base_color_texture,
-        &mut material.metallic_roughness_texture,
-        &mut material.normal_texture,
-        &mut material.emissive_texture,
-        &mut material.transmission_texture,
-        &mut material.specular_texture,
-        &mut material.specular_color_texture,
-    ];
-    if let Some(finish) = &mut material.finish {
-        slots.extend([
-            &mut finish.clearcoat_texture,
-            &mut finish.clearcoat_roughness_texture,
-            &mut finish.clearcoat_normal_texture,
-            &mut finish.sheen_color_texture,
-            &mut finish.sheen_roughness_texture,
-            &mut finish.anisotropy_texture,
-            &mut finish.iridescence_texture,
-            &mut finish.film_thickness_texture,
-            &mut finish.diffuse_transmission_texture,
-            &mut finish.diffuse_transmission_color_texture,
-        ]);
-    }
-    slots
 }

@@ -1,6 +1,7 @@
 //! Textures: images fetched and decoded in parallel, samplers, and a checkerboard where an image cannot be had.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,6 +14,7 @@ use rayon::prelude::*;
 
 use super::container::Buffers;
 use super::document::called;
+use super::material::UsedTexture;
 use super::report::Notes;
 use super::uri::Locator;
 use crate::scene::{Filter, Image, Texture, Wrap};
@@ -41,39 +43,50 @@ struct Room {
     large: Mutex<()>,
 }
 
-/// Decodes the images of some textures, given by their indices in the file, each image once.
+/// Textures of a scene.
+pub(super) struct Decoded {
+    /// With a checkerboard for an image that cannot be had.
+    pub textures: Vec<Texture>,
+    /// Those of them.
+    pub missing: BTreeSet<u32>,
+}
+
+/// Decodes the images of some textures, each image once. `shown` are the places of those that are a base color.
 pub(super) fn decode(
     document: &Root,
-    textures: &[usize],
+    textures: &[UsedTexture],
+    shown: &BTreeSet<u32>,
     buffers: &Buffers,
     locator: &Locator,
     notes: &mut Notes,
-) -> Vec<Texture> {
-    let sources: Vec<Vec<usize>> = textures.iter().map(|&texture| sources_of(document, texture)).collect();
+) -> Decoded {
+    let sources: Vec<Vec<usize>> = textures.iter().map(|texture| sources_of(document, texture.index)).collect();
     let mut wanted: Vec<&Vec<usize>> = sources.iter().collect();
     wanted.sort_unstable();
     wanted.dedup();
+    let seen: BTreeSet<&Vec<usize>> =
+        (0..).zip(&sources).filter(|(place, _)| shown.contains(place)).map(|(_, sources)| sources).collect();
+    let instead = |sources: &Vec<usize>| if seen.contains(sources) { CHECKERBOARD } else { LEFT_OUT };
     let name_of =
         |index: usize| called("image", index, document.images.get(index).and_then(|image| image.name.as_ref()));
-    let placeholder = Arc::new(checkerboard());
     let sizes: Vec<[u32; 2]> = wanted
         .par_iter()
         .filter_map(|sources| sources.iter().find_map(|&index| size_of(document, index, buffers, locator)))
         .collect();
     let room = Room { side: side_within(&sizes, MAX_TEXELS), large: Mutex::default() };
-    let first_readable = |sources: &Vec<usize>| {
+    let first_readable = |sources: &&Vec<usize>| {
         let mut notes = Notes::default();
         for (&index, next) in sources.iter().zip(1..) {
             match decode_image(document, index, buffers, locator, &room) {
-                Ok(image) => return (Arc::new(image), notes),
+                Ok(image) => return (Some(Arc::new(image)), notes),
                 Err(reason) => {
-                    let name = name_of(index);
-                    let instead = sources.get(next).map_or("a checkerboard".to_owned(), |&next| name_of(next));
-                    notes.warn(format!("{name}: {reason}: {instead} is shown"));
+                    let next = sources.get(next).map(|&next| format!("{} is shown", name_of(next)));
+                    let instead = next.unwrap_or_else(|| instead(sources).to_owned());
+                    notes.warn(format!("{}: {reason}: {instead}", name_of(index)));
                 }
             }
         }
-        (Arc::clone(&placeholder), notes)
+        (None, notes)
     };
     let n_smaller = sizes.iter().filter(|&&size| shrunk(size, room.side) != size).count();
     if n_smaller > 0 {
@@ -82,25 +95,33 @@ pub(super) fn decode(
             room.side
         ));
     }
-    let decoded: Vec<(Arc<Image>, Notes)> = wanted.par_iter().map(|sources| first_readable(sources)).collect();
+    let decoded: Vec<(Option<Arc<Image>>, Notes)> = wanted.par_iter().map(first_readable).collect();
     let mut images = Vec::with_capacity(decoded.len());
     for (image, lines) in decoded {
         notes.absorb(lines);
         images.push(image);
     }
-    textures
-        .iter()
-        .zip(&sources)
-        .map(|(&texture, sources)| {
-            if sources.is_empty() {
-                notes.warn(format!("texture {texture} has no image: a checkerboard is shown"));
-            }
-            let place = wanted.binary_search(&sources).expect("every source is wanted");
-            let (wrap, filter) = sampler_of(document, texture);
-            Texture { image: Arc::clone(&images[place]), wrap, filter }
-        })
-        .collect()
+    let (placeholder, mut missing) = (Arc::new(checkerboard()), BTreeSet::new());
+    let texture = |((place, &used), sources): ((u32, &UsedTexture), &Vec<usize>)| {
+        if sources.is_empty() {
+            notes.warn(format!("texture {} has no image: {}", used.index, instead(sources)));
+        }
+        let image = &images[wanted.binary_search(&sources).expect("every source is wanted")];
+        if image.is_none() {
+            missing.insert(place);
+        }
+        let (wrap, filter) = sampler_of(document, used.index);
+        let image = image.as_ref().unwrap_or(&placeholder);
+        let image = used.glossiness.map_or_else(|| Arc::clone(image), |factor| Arc::new(roughness_of(image, factor)));
+        Texture { image, wrap, filter }
+    };
+    let textures = (0..).zip(textures).zip(&sources).map(texture).collect();
+    Decoded { textures, missing }
 }
+
+/// What becomes of an image that cannot be had, where it is a base color and where it is not.
+const CHECKERBOARD: &str = "a checkerboard is shown";
+const LEFT_OUT: &str = "it is left out";
 
 /// The images of a texture in the order in which they are tried: its plain source, then those of extensions.
 pub(super) fn sources_of(document: &Root, index: usize) -> Vec<usize> {
@@ -230,6 +251,13 @@ fn sampler_of(document: &Root, texture: usize) -> ([Wrap; 2], Filter) {
     let nearest = sampler.mag_filter == Some(Checked::Valid(MagFilter::Nearest));
     let filter = if nearest { Filter::Nearest } else { Filter::Linear };
     ([wrap(sampler.wrap_s), wrap(sampler.wrap_t)], filter)
+}
+
+/// Roughness in G of an image whose alpha is glossiness, but for a factor.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte times a factor within 0 … 1")]
+fn roughness_of(image: &Image, factor: f32) -> Image {
+    let texel = |texel: &[u8; 4]| [0, (255.0 - factor * f32::from(texel[3])).round() as u8, 0, u8::MAX];
+    Image { width: image.width, height: image.height, texels: image.texels.iter().map(texel).collect() }
 }
 
 /// Magenta and gray, 8 × 8: nobody mistakes it for a design.

@@ -15,12 +15,21 @@ use crate::scene::{AlphaMode, Encoding, Material, TextureRef};
 /// Reflectance at normal incidence is ((ior − 1) / (ior + 1))² · specular color; this makes the first factor 0.996.
 const FULLY_REFLECTING_IOR: f32 = 1000.0;
 
+/// A texture that a material uses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct UsedTexture {
+    /// Index in the file.
+    pub index: usize,
+    /// What its alpha is multiplied by where that is glossiness: its G channel is to be the roughness.
+    pub glossiness: Option<f32>,
+}
+
 /// Converts materials; textures get an index when a material first uses them.
 pub(super) struct Converter<'a> {
     pub document: &'a json::Root,
     pub notes: &'a mut Notes,
-    /// Index in the file of each texture of the scene.
-    pub textures: Vec<usize>,
+    /// Each texture of the scene.
+    pub textures: Vec<UsedTexture>,
 }
 
 impl Converter<'_> {
@@ -134,27 +143,33 @@ impl Converter<'_> {
         material.base_color = Vec4::from(self.unit_factors(diffuse, 1.0, name, "diffuse factor"));
         material.base_color_texture = self.texture(old.diffuse_texture.as_ref(), Encoding::Srgb, name);
         let glossiness = self.unit_factor(old.glossiness_factor.unwrap_or(1.0), 1.0, name, "glossiness factor");
-        material.roughness = 1.0 - glossiness;
+        let map = old.specular_glossiness_texture.as_ref();
+        material.metallic_roughness_texture = self.used_texture(map, Encoding::Linear, Some(glossiness), name);
+        material.roughness = if material.metallic_roughness_texture.is_some() { 1.0 } else { 1.0 - glossiness };
         material.metallic = 0.0;
-        material.metallic_roughness_texture = None;
         let specular =
             Vec3::from(self.unit_factors(old.specular_factor.unwrap_or([1.0; 3]), 1.0, name, "specular factor"));
         material.ior = FULLY_REFLECTING_IOR;
         material.specular_color = specular;
-        let mut line = format!("{name}: specular-glossiness is approximated by roughness and a specular color");
-        if old.specular_glossiness_texture.is_some() {
-            // Its factors alone would make a mirror of every texture-driven surface.
-            material.ior = 1.5;
-            material.specular_color = Vec3::ONE;
-            material.roughness = material.roughness.max(0.5);
-            line.push_str(", without its texture");
-        }
-        self.notes.unsupported(line);
+        material.specular_color_texture = self.texture(map, Encoding::Srgb, name);
+        self.notes
+            .unsupported(format!("{name}: specular-glossiness is approximated by roughness and a specular color"));
     }
 
     /// A use of a texture; its index in the scene is made up on first use.
-    #[expect(clippy::cast_possible_truncation, reason = "no more textures than bytes of the file, at most 2³²")]
     pub(super) fn texture(&mut self, info: Option<&Info>, encoding: Encoding, name: &str) -> Option<TextureRef> {
+        self.used_texture(info, encoding, None, name)
+    }
+
+    /// The same of one whose alpha may be glossiness.
+    #[expect(clippy::cast_possible_truncation, reason = "no more textures than bytes of the file, at most 2³²")]
+    fn used_texture(
+        &mut self,
+        info: Option<&Info>,
+        encoding: Encoding,
+        glossiness: Option<f32>,
+        name: &str,
+    ) -> Option<TextureRef> {
         let info = info?;
         let index = info.index.value();
         if index >= self.document.textures.len() {
@@ -166,10 +181,11 @@ impl Converter<'_> {
         if uv_set > 1 {
             self.notes.unsupported(format!("{name}: a texture uses coordinate set {uv_set}, set 0 is shown instead"));
         }
-        let known = self.textures.iter().position(|&texture| texture == index);
+        let used = UsedTexture { index, glossiness };
+        let known = self.textures.iter().position(|&texture| texture == used);
         let n_known = self.textures.len();
         let texture = known.unwrap_or_else(|| {
-            self.textures.push(index);
+            self.textures.push(used);
             n_known
         });
         Some(TextureRef {

@@ -27,8 +27,10 @@ mod lamps;
 mod material;
 mod merge;
 mod meshopt;
+mod missing;
 mod muted;
 mod names;
+mod opaque;
 mod openexr;
 mod placement;
 mod primaries;
@@ -90,6 +92,16 @@ pub enum ImportError {
         name: String,
         /// What is wrong.
         reason: String,
+    },
+    /// Something else altogether.
+    #[error("{name} is {kind} and no glTF: {remedy}")]
+    Kind {
+        /// Which file.
+        name: String,
+        /// What it is.
+        kind: &'static str,
+        /// What to do about it.
+        remedy: &'static str,
     },
     /// The JSON is broken or of another shape than glTF's.
     #[error("{name} is not valid glTF: {source}")]
@@ -264,13 +276,13 @@ fn unless_stopped(read: Result<Imported, ImportError>, stop: &Stop) -> Result<Im
 fn import(name: &str, bytes: &[u8], locator: &Locator, choice: &Choice) -> Result<Imported, ImportError> {
     let stop = &locator.stop;
     let container = container::split(name, bytes)?;
-    let Document { root: document, n_animations, skins } = document::read(name, &container.json)?;
     let mut notes = Notes::default();
+    let Document { root: document, n_animations, skins } = document::read(name, &container.json, &mut notes)?;
     extensions::check(name, &document, choice.variant.is_some(), &mut notes)?;
     let variant = Variant::find(name, &document, choice.variant.as_deref())?;
     let buffers = Buffers::fetch(name, &document, container.bin.as_deref(), locator, &mut notes)?;
     stop.check()?;
-    let reader = Reader { document: &document, buffers: &buffers, stop };
+    let reader = Reader { document: &document, buffers: &buffers, stop, picked: None };
 
     let placed = hierarchy::place(&document, &mut notes);
     let mut scene = Scene { name: name.to_owned(), ..Scene::default() };
@@ -302,8 +314,13 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, choice: &Choice) -> Resul
     }
     merge::pad_attributes(&mut scene.mesh);
     stop.check()?;
-    scene.textures = images::decode(&document, &textures, &buffers, locator, &mut notes);
-    scene.dark_materials = dark::put_out(&mut scene.materials, &scene.textures);
+    let shown = scene.materials.iter().filter_map(|material| Some(material.base_color_texture?.texture)).collect();
+    let decoded = images::decode(&document, &textures, &shown, &buffers, locator, &mut notes);
+    scene.textures = decoded.textures;
+    scene.dark_materials = missing::leave_out(&mut scene.materials, &decoded.missing, &mut notes);
+    scene.dark_materials.extend(dark::put_out(&mut scene.materials, &scene.textures));
+    opaque::settle(&mut scene);
+    assemble::note_instances(&reader, &scene, &placed, &indices, &mut notes);
     note_ranges(&scene, &ranged, &mut notes);
     let made_camera =
         if scene.cameras.is_empty() { viewpoint::make(&scene.mesh, &scene.materials, stop) } else { None };

@@ -63,8 +63,8 @@ impl Locator {
         let named = folder.join(&decoded).canonicalize();
         // Some names hold percent signs of their own, and some programs write the separator of Windows.
         let others = [uri.to_owned(), decoded.replace('\\', "/")];
-        let path =
-            named.or_else(|error| others.iter().find_map(|name| folder.join(name).canonicalize().ok()).ok_or(error));
+        let other = || others.iter().find_map(|name| folder.join(name).canonicalize().ok());
+        let path = named.or_else(|error| other().or_else(|| in_any_case(folder, &others[1])).ok_or(error));
         if path.is_err() {
             self.note(folder.join(&decoded));
         }
@@ -85,6 +85,17 @@ impl Locator {
             Err(_) => Err(std::io::Error::other(format!("all files together have more than {} GiB", MAX_BYTES >> 30))),
         }
     }
+}
+
+/// What a path names in a folder where it does not tell upper from lower case, as Windows has it: the first by name.
+fn in_any_case(folder: &Path, name: &str) -> Option<PathBuf> {
+    let mut at = folder.to_path_buf();
+    for step in name.split('/').filter(|step| !matches!(*step, "" | ".")) {
+        let wanted = step.to_lowercase();
+        let names = std::fs::read_dir(&at).ok()?.flatten().map(|entry| entry.file_name());
+        at.push(names.filter(|name| name.to_string_lossy().to_lowercase() == wanted).min()?);
+    }
+    at.canonicalize().ok()
 }
 
 /// Whether a URI says by what means it is to be had; a drive of Windows looks alike.
@@ -221,16 +232,20 @@ mod tests {
             ("textures/c.bin", "c"),
             ("textures\\c.bin", "c"),
             (".\\textures%5Cc.bin", "c"),
+            ("Textures/C.BIN", "c"),
+            ("TEXTURES\\.\\c.bin", "c"),
         ] {
             assert_eq!(locator.fetch(uri).unwrap(), bytes.as_bytes(), "{uri}");
         }
         assert!(locator.fetch("textures").unwrap_err().contains("no regular file"));
+        assert!(locator.fetch("Textures/D.bin").unwrap_err().contains("missing"));
         #[cfg(unix)]
         {
             std::fs::write(outside.path().join("secret"), "s").unwrap();
             std::os::unix::fs::symlink(outside.path(), folder.path().join("out")).unwrap();
             std::os::unix::fs::symlink(folder.path().join("a b.bin"), folder.path().join("in")).unwrap();
             assert!(locator.fetch("out/secret").unwrap_err().contains("beside"));
+            assert!(locator.fetch("OUT/Secret").unwrap_err().contains("beside"));
             assert_eq!(locator.fetch("in").unwrap(), b"a");
         }
         drop(outside);

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use clerestory_nystrom::BlockFactors;
-use glam::Vec3;
+use glam::{Affine2, Vec3};
 
 use super::stage::{Stage, lambert, pane, quad, room};
 use super::walks::assert_same_mean;
@@ -19,7 +19,7 @@ use crate::irradiance::IrradianceRows;
 use crate::light::LightRig;
 use crate::matrix::CHANNELS;
 use crate::prepared::PreparedScene;
-use crate::scene::Scene;
+use crate::scene::{Encoding, Filter, Image, Scene, Texture, TextureRef, Wrap};
 use crate::sensors::{IrradianceRequest, OfFile, WorkPlane};
 use crate::skips::{Skip, Skips};
 
@@ -372,4 +372,38 @@ fn a_file_is_baked_again_in_place_and_taken_up_where_it_stood() {
     archive::rebake_to_file(again(), &reuse, &path, Restart::Resume, go_on).expect("it can be written");
     let expected = rebaked(again(), &earlier).0;
     assert_eq!(std::fs::read(&path).expect("it was written"), bytes_of(&expected));
+}
+
+/// The room with wood on its table. The strip shines by a map of one color, or is off and has none, as an import leaves it.
+fn with_map(map: Option<[u8; 4]>) -> Scene {
+    let texture = |texel: [u8; 4]| {
+        let image = Arc::new(Image { width: 1, height: 1, texels: vec![texel] });
+        Texture { image, wrap: [Wrap::Repeat; 2], filter: Filter::Linear }
+    };
+    let shown =
+        |texture: u32| Some(TextureRef { texture, uv_set: 0, transform: Affine2::IDENTITY, encoding: Encoding::Srgb });
+    scene(|scene| {
+        scene.textures = map.into_iter().chain([[180, 120, 60, 255]]).map(texture).collect();
+        scene.materials[1].base_color_texture = shown(scene.textures.len() as u32 - 1);
+        match map {
+            Some(_) => scene.materials[3].emissive_texture = shown(0),
+            None => scene.materials[3].emissive = Vec3::ZERO,
+        }
+    })
+}
+
+#[test]
+fn of_a_light_with_another_map_its_own_columns_alone_are_traced() {
+    let (red, green) = (Some([255, 0, 0, 255]), Some([0, 255, 0, 255]));
+    let (shining, off) = (baked(job(with_map(red))), baked(job(with_map(None))));
+    for (earlier, map, n_traced) in
+        [(&shining, red, 0), (&shining, None, 0), (&off, None, 0), (&off, red, 1), (&shining, green, 1)]
+    {
+        let reuse = job(with_map(map)).reuse(earlier).expect("the surfaces are the same");
+        assert_eq!(reuse.n_traced_columns(), n_traced, "{map:?}");
+    }
+    let mut other = with_map(red);
+    let image = Arc::new(Image { width: 1, height: 1, texels: vec![[60, 120, 180, 255]] });
+    other.textures[1].image = image;
+    assert!(matches!(job(other).reuse(&shining), Err(NothingKept::Surfaces)));
 }

@@ -10,8 +10,8 @@ use half::f16;
 
 use super::Environment;
 
-/// Widest map that a file keeps; wider ones are averaged down.
-const MAX_STORED_WIDTH: usize = 2048;
+/// Widest map that a file keeps, so that the sky behind a picture is as sharp as its map; wider ones are averaged down.
+const MAX_STORED_WIDTH: usize = 8192;
 /// Brightest value before scaling up to it, well inside the range of f16.
 const STORED_PEAK: f32 = 32_768.0;
 const HEADER_LEN: usize = 12;
@@ -144,9 +144,11 @@ mod tests {
     #[test]
     fn a_wide_map_is_averaged_down_and_keeps_its_directions() {
         let around = |d: Vec3| (d * Vec3::new(1.0, 0.0, 1.0)).normalize();
-        let wide = Environment::from_fn(5000, 8, |d| Vec3::splat(2.0 + around(d).x + 0.5 * around(d).z));
+        let of_width = |width| Environment::from_fn(width, 8, |d| Vec3::splat(2.0 + around(d).x + 0.5 * around(d).z));
+        assert_eq!(of_width(8192).storable().width(), 8192);
+        let wide = of_width(20_000);
         let small = wide.storable();
-        assert!(small.width() <= 2048 && small.width() > 1024);
+        assert!(small.width() <= 8192 && small.width() > 4096);
         for d in [Vec3::X, Vec3::Z, Vec3::new(-0.6, 0.0, 0.8)] {
             assert!((small.radiance(d) - wide.radiance(d)).abs().max_element() < 5e-3, "{d}");
         }

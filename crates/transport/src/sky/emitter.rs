@@ -81,6 +81,9 @@ pub struct DomeEmitter {
 /// Cells along each side of a patch.
 const CELLS: usize = 16;
 const N_CELLS: usize = CELLS * CELLS;
+type Cells = Vec<[f32; N_CELLS]>;
+/// Rows of a map that are gone through at once.
+const ROWS_AT_ONCE: usize = 256;
 
 impl DomeEmitter {
     /// A dome for a sky as it is turned.
@@ -89,15 +92,24 @@ impl DomeEmitter {
         let middle = |patch: u32, cell: usize| dome.direction(patch, place_in(cell, Vec2::splat(0.5)));
         let bright = |patch: u32, cell: usize| luminance(turned.radiance(middle(patch, cell)));
         let of_patch = |patch: u32| std::array::from_fn(|cell| bright(patch, cell));
-        let mut cells: Vec<[f32; N_CELLS]> = (0..dome.n_patches()).into_par_iter().map(of_patch).collect();
+        let cells: Cells = (0..dome.n_patches()).into_par_iter().map(of_patch).collect();
         // What lies between the middles of cells, such as a sun of few pixels.
         let TurnedMap { map, turn } = &turned;
-        for (pixel, rgb) in map.pixels().iter().enumerate() {
-            let toward = turn.world_from_sky(direction_of_pixel(pixel, map.width(), map.height()));
-            let (patch, within) = dome.place(toward);
-            let cell = &mut cells[patch as usize][cell_of(within)];
-            *cell = cell.max(luminance(Vec3::from(*rgb)));
-        }
+        let raised = |mut cells: Cells, (row, pixels): (usize, &[[f32; 3]])| {
+            for (pixel, rgb) in (row * map.width()..).zip(pixels) {
+                let toward = turn.world_from_sky(direction_of_pixel(pixel, map.width(), map.height()));
+                let (patch, within) = dome.place(toward);
+                let cell = &mut cells[patch as usize][cell_of(within)];
+                *cell = cell.max(luminance(Vec3::from(*rgb)));
+            }
+            cells
+        };
+        let brighter = |mut a: Cells, b: Cells| {
+            a.as_flattened_mut().iter_mut().zip(b.as_flattened()).for_each(|(a, b)| *a = a.max(*b));
+            a
+        };
+        let rows = map.pixels().par_chunks(map.width()).enumerate().with_min_len(ROWS_AT_ONCE);
+        let mut cells = rows.fold(|| cells.clone(), raised).reduce(|| cells.clone(), brighter);
         for cells in &mut cells {
             let total: f64 = cells.iter().map(|&light| f64::from(light)).sum();
             let mut sum = 0.0;

@@ -340,6 +340,73 @@ fn an_image_that_claims_to_be_huge_is_replaced_before_memory_is_asked_for() {
 }
 
 #[test]
+fn whole_numbers_may_be_written_with_a_fraction_of_zero() {
+    let mut fixture = Fixture::triangle().node(json!({"mesh": 0.0}));
+    let (n_bytes, places) = (36.0, fixture.floats("VEC3", &[0.0, 0.0, 0.0, 5.0, 0.0, 0.0]) as f64);
+    fixture.root["accessors"][0]["count"] = json!(3.0);
+    fixture.root["accessors"][0]["componentType"] = json!(5126.0);
+    fixture.root["bufferViews"][0]["byteLength"] = json!(n_bytes);
+    let instancing = json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": places}}});
+    let imported = fixture.node(json!({"extensions": instancing})).load();
+    assert_eq!((imported.scene.mesh.triangles.len(), imported.report.warnings.len()), (2, 0));
+    let mut fixture = Fixture::triangle();
+    fixture.root["accessors"][0]["count"] = json!(2.5);
+    let error = load_bytes("half.gltf", &fixture.json()).expect_err("no count").to_string();
+    assert!(error.contains("accessors[0]") && error.contains("2.5"), "{error}");
+}
+
+#[test]
+fn a_chunk_of_json_may_be_filled_up_with_zeros() {
+    let glb = Fixture::triangle().glb();
+    let length = u32::from_le_bytes(glb[12..16].try_into().expect("four bytes")) as usize;
+    for fill in [&b"\0\0\0\0"[..], b" \0\0\0", b"\0\0 \0 \0\0\0"] {
+        let mut filled = [&glb[..20 + length], fill, &glb[20 + length..]].concat();
+        for (at, value) in [(8, glb.len() + fill.len()), (12, length + fill.len())] {
+            filled[at..at + 4].copy_from_slice(&(value as u32).to_le_bytes());
+        }
+        assert_eq!(load_bytes("filled.glb", &filled).expect("sound").scene.mesh.triangles.len(), 1, "{fill:?}");
+    }
+}
+
+#[test]
+fn files_of_other_kinds_are_told_with_a_remedy() {
+    for (bytes, kind, remedy) in [
+        (&b"PK\x03\x04\x14\0"[..], "archive", "unpack"),
+        (b"\x1F\x8B\x08", "gzip", "unpack"),
+        (b"Kaydara FBX Binary  \0", "FBX", "export it as glTF"),
+        (b"PXR-USDC\0", "USD", "export it as glTF"),
+        (b"version https://git-lfs.github.com/spec/v1\noid", "Git LFS", "git lfs pull"),
+        (b"\n<!DOCTYPE html><html>", "HTML", "download"),
+    ] {
+        let error = load_bytes("room.glb", bytes).expect_err("refused");
+        assert!(matches!(error, ImportError::Kind { .. }), "{error}");
+        let text = error.to_string();
+        assert!(text.starts_with("room.glb is a") && text.contains(kind) && text.contains(remedy), "{text}");
+    }
+}
+
+#[test]
+fn names_in_another_encoding_are_told_and_hinder_nothing() {
+    let mut text = Fixture::triangle().node(json!({"name": "T@r"})).json();
+    let at = text.windows(3).position(|three| three == b"T@r").expect("the name");
+    // Latin 1.
+    text[at + 1] = 0xFC;
+    let imported = load_bytes("old.gltf", &text).expect("sound but for a letter");
+    assert_eq!(imported.scene.nodes[0].name.as_deref(), Some("T\u{FFFD}r"));
+    assert!(imported.report.warnings[0].contains("UTF-8"), "{:?}", imported.report.warnings);
+}
+
+#[test]
+fn a_list_with_a_number_that_is_none_is_left_out_and_named() {
+    let mut fixture = Fixture::triangle().node(json!({"translation": [null, 1, 2], "scale": [2, 2, 2]}));
+    fixture.root["accessors"][0]["min"] = json!([null, 0, 0]);
+    let imported = fixture.load();
+    assert_eq!(imported.scene.mesh.corners(0)[1], glam::Vec3::X * 2.0);
+    let [line] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
+    assert!(line.starts_with("`translation` holds null"), "{line}");
+}
+
+#[test]
 fn nesting_without_end_is_refused_in_words() {
     for (open, close) in [("[", "]"), ("{\"a\":", "}")] {
         let nested = format!("{}0{}", open.repeat(200_000), close.repeat(200_000));

@@ -210,6 +210,7 @@ fn finishes_of_the_samples_arrive() {
     assert!(coats.iter().any(|finish| finish.clearcoat_normal_texture.is_some()));
     assert!(finishes("SheenChair/SheenChair.gltf").iter().any(|finish| finish.sheen_color != Vec3::ZERO));
     assert!(finishes("IridescenceSuzanne/IridescenceSuzanne.glb").iter().any(|finish| finish.iridescence > 0.0));
+    // Its maps are all KTX2, and what they would scale is left out with them.
     let lamp = finishes("AnisotropyBarnLamp-KTX2-Basisu/AnisotropyBarnLamp.gltf");
-    assert!(lamp.iter().any(|finish| finish.anisotropy > 0.0 && finish.anisotropy_texture.is_some()));
+    assert!(lamp.iter().all(|finish| finish.anisotropy == 0.0));
 }

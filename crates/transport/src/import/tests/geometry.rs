@@ -19,6 +19,47 @@ fn json_and_glb_load_the_same() {
 }
 
 #[test]
+fn of_vertices_that_primitives_share_each_takes_its_own() {
+    let positions: Vec<[f32; 3]> = (0..90).map(|i| [i as f32, (i * i) as f32, 0.0]).collect();
+    let shared = |corners: [u8; 3]| {
+        let mut fixture = Fixture::mesh(&positions);
+        let uvs = fixture.floats("VEC2", &(0..180).map(|i| i as f32).collect::<Vec<_>>());
+        let indices = fixture.accessor("SCALAR", 5121, 3, &corners);
+        let moved: Vec<u8> = [7.0_f32, 8.0, 9.0, 0.0, 0.0, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+        let (places, values) = (fixture.view(&[31, 70]), fixture.view(&moved));
+        fixture.root["accessors"][0]["sparse"] = json!({"count": 2,
+            "indices": {"bufferView": places, "componentType": 5121}, "values": {"bufferView": values}});
+        fixture.primitive()["indices"] = json!(indices);
+        fixture.primitive()["attributes"]["TEXCOORD_0"] = json!(uvs);
+        fixture.load()
+    };
+    let mesh = shared([32, 30, 31]).scene.mesh;
+    assert_eq!(mesh.positions.len(), 3);
+    assert_eq!(mesh.corners(0), [[32.0, 1024.0, 0.0], [30.0, 900.0, 0.0], [7.0, 8.0, 9.0]].map(Vec3::from));
+    let uvs = mesh.triangles[0].map(|v| mesh.uvs[0][v as usize]);
+    assert_eq!(uvs, [[64.0, 65.0], [60.0, 61.0], [62.0, 63.0]].map(Vec2::from));
+    let imported = shared([32, 30, 90]);
+    assert!(imported.scene.mesh.triangles.is_empty());
+    assert!(imported.report.warnings[0].contains("vertices that do not exist"), "{:?}", imported.report.warnings);
+}
+
+#[test]
+fn a_list_of_vertices_is_not_counted_for_each_primitive_that_shares_it() {
+    // Sixteen million vertices, of which the file gives three.
+    let mut fixture = Fixture::triangle();
+    let places = fixture.view(&[0, 1, 2]);
+    let indices = fixture.accessor("SCALAR", 5121, 3, &[0, 1, 2]);
+    fixture.root["accessors"][0] = json!({"componentType": 5126, "type": "VEC3", "count": 1 << 24,
+        "sparse": {"count": 3, "indices": {"bufferView": places, "componentType": 5121}, "values": {"bufferView": 0}}});
+    fixture.primitive()["indices"] = json!(indices);
+    let primitive = fixture.primitive().clone();
+    fixture.root["meshes"][0]["primitives"] = json!(vec![primitive; 200]);
+    let mesh = fixture.load().scene.mesh;
+    assert_eq!((mesh.triangles.len(), mesh.positions.len()), (200, 600));
+    assert_eq!(mesh.corners(199), [Vec3::ZERO, Vec3::X, Vec3::Y]);
+}
+
+#[test]
 fn a_mirrored_node_keeps_its_front() {
     let scene = Fixture::triangle().node(json!({"scale": [-1, 1, 1]})).load().scene;
     assert_eq!(geometric_normals(&scene.mesh), vec![Vec3::Z]);

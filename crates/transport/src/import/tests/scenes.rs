@@ -245,6 +245,35 @@ fn instances_stand_where_they_are_told() {
     assert_eq!((scene.mesh.corners(0)[0], scene.mesh.corners(1)[0]), (Vec3::Y, Vec3::new(5.0, 1.0, 0.0)));
 }
 
+/// A triangle with instances by some accessors.
+fn instanced(mut fixture: Fixture, attributes: &[(&str, &str, &[f32])]) -> Fixture {
+    let accessors =
+        attributes.iter().map(|(name, shape, values)| ((*name).to_owned(), json!(fixture.floats(shape, values))));
+    let attributes: serde_json::Map<_, _> = accessors.collect();
+    fixture.node(json!({"name": "many", "extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}}))
+}
+
+#[test]
+fn instances_that_shine_are_told_to_be_one_light() {
+    let places: (_, _, &[f32]) = ("TRANSLATION", "VEC3", &[0.0, 0.0, 0.0, 5.0, 0.0, 0.0]);
+    for (factor, told) in [(json!([1, 1, 1]), 1), (json!([0, 0, 0]), 0)] {
+        let fixture = Fixture::triangle().material(json!({"emissiveFactor": factor}));
+        let report = instanced(fixture, &[places]).load().report;
+        assert_eq!(report.unsupported.len(), told, "{:?}", report.unsupported);
+        assert!(report.unsupported.iter().all(|line| line.starts_with("node \"many\": its 2 instances are one light")));
+    }
+}
+
+#[test]
+fn instances_without_a_place_of_their_own_are_seen_as_one() {
+    let imported = instanced(Fixture::triangle(), &[("_ID", "SCALAR", &[1.0, 2.0, 3.0])]).load();
+    assert_eq!(imported.scene.mesh.triangles.len(), 1);
+    let places: (_, _, &[f32]) = ("TRANSLATION", "VEC3", &[0.0; 6]);
+    let colored = instanced(Fixture::triangle(), &[places, ("_COLOR_0", "VEC3", &[0.5; 6])]).load();
+    assert_eq!(colored.scene.mesh.triangles.len(), 2);
+    assert!(colored.report.unsupported[0].contains("colors of their own"), "{:?}", colored.report.unsupported);
+}
+
 /// Corners of the twelve triangles of a box, seen from outside.
 fn box_corners(size: Vec3) -> Vec<[f32; 3]> {
     const FACES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::fixture::Fixture;
 use crate::basis::SourceKind;
 use crate::emitters::Lighting;
-use crate::scene::{AlphaMode, Encoding, Filter, Material, Wrap};
+use crate::scene::{AlphaMode, Encoding, Filter, Material, TextureRef, Wrap};
 
 /// A 2 × 1 PNG: red, then green.
 fn png() -> Vec<u8> {
@@ -29,6 +29,7 @@ fn extensions_reach_the_material() {
     let scene = Fixture::triangle()
         .material(json!({
             "name": "glass", "alphaMode": "MASK", "alphaCutoff": 0.25, "doubleSided": true, "emissiveFactor": [1, 0.5, 0],
+            "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.2]},
             "extensions": {
                 "KHR_materials_emissive_strength": {"emissiveStrength": 40}, "KHR_materials_ior": {"ior": 1.33},
                 "KHR_materials_transmission": {"transmissionFactor": 0.75}, "KHR_materials_unlit": {},
@@ -56,6 +57,60 @@ fn factors_out_of_range_are_brought_back_and_reported() {
     assert_eq!(imported.scene.materials[0].base_color, Vec4::new(0.0, 0.5, 1.0, 1.0));
     assert_eq!(imported.scene.materials[0].roughness, 1.0);
     assert_eq!(imported.report.warnings.len(), 2);
+}
+
+#[test]
+fn what_may_be_seen_through_and_never_is_is_opaque() {
+    let alpha = |mode: &str, alpha: f32, texel: u8, vertex: f32| {
+        let pixel = image::RgbaImage::from_pixel(1, 1, image::Rgba([9, 9, 9, texel]));
+        let mut bytes = Cursor::new(Vec::new());
+        pixel.write_to(&mut bytes, image::ImageFormat::Png).expect("memory takes it");
+        let mut fixture = Fixture::triangle();
+        let view = fixture.view(bytes.get_ref());
+        fixture.root["images"] = json!([{"bufferView": view}]);
+        fixture.root["textures"] = json!([{"source": 0}]);
+        let colors = fixture.floats("VEC4", &[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, vertex, 1.0, 1.0, 1.0, 1.0]);
+        fixture.primitive()["attributes"]["COLOR_0"] = json!(colors);
+        let pbr = json!({"baseColorFactor": [1, 1, 1, alpha], "baseColorTexture": {"index": 0}});
+        let scene = fixture.material(json!({"alphaMode": mode, "pbrMetallicRoughness": pbr})).load().scene;
+        scene.materials[0].alpha
+    };
+    assert_eq!(alpha("BLEND", 1.0, 255, 1.0), AlphaMode::Opaque);
+    assert_eq!(alpha("MASK", 0.75, 255, 1.0), AlphaMode::Opaque);
+    for [factor, texel, vertex] in [[0.5, 255.0, 1.0], [1.0, 254.0, 1.0], [1.0, 255.0, 0.5]] {
+        assert_eq!(alpha("BLEND", factor, texel as u8, vertex), AlphaMode::Blend, "{factor} {texel} {vertex}");
+    }
+    assert_eq!(alpha("MASK", 0.75, 128, 1.0), AlphaMode::Mask { cutoff: 0.5 });
+}
+
+#[test]
+fn a_map_of_gloss_becomes_one_of_roughness_and_its_colors_those_of_the_reflection() {
+    let load = |map: Option<&[u8]>| {
+        let mut fixture = Fixture::triangle();
+        let view = fixture.view(map.unwrap_or_default());
+        fixture.root["images"] = json!([{"bufferView": view}]);
+        fixture.root["textures"] = json!([{"source": 0}]);
+        fixture.material(json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": {"glossinessFactor": 0.5,
+            "specularGlossinessTexture": {"index": 0, "texCoord": 1}}}}))
+    };
+    let pixel = image::RgbaImage::from_pixel(1, 1, image::Rgba([250, 120, 30, 64]));
+    let mut bytes = Cursor::new(Vec::new());
+    pixel.write_to(&mut bytes, image::ImageFormat::Png).expect("memory takes it");
+    let scene = load(Some(bytes.get_ref())).load().scene;
+    let material = &scene.materials[0];
+    let of = |map: Option<TextureRef>| {
+        let map = map.expect("a map");
+        (scene.textures[map.texture as usize].image.texels[0], map.uv_set, map.encoding)
+    };
+    // 255 − ½ · 64
+    assert_eq!(of(material.metallic_roughness_texture), ([0, 223, 0, 255], 1, Encoding::Linear));
+    assert_eq!(of(material.specular_color_texture), ([250, 120, 30, 64], 1, Encoding::Srgb));
+    assert_eq!((material.roughness, material.metallic, material.specular_color), (1.0, 0.0, Vec3::ONE));
+    // Without its map it is no mirror.
+    let scene = load(None).load().scene;
+    let material = &scene.materials[0];
+    assert_eq!((material.roughness, material.metallic, material.ior), (1.0, 0.0, 1.5));
+    assert!(material.metallic_roughness_texture.is_none() && material.specular_color_texture.is_none());
 }
 
 #[test]
@@ -87,10 +142,51 @@ fn an_image_that_cannot_be_had_becomes_a_checkerboard() {
         let mut fixture = Fixture::triangle();
         fixture.root["images"] = json!([image]);
         fixture.root["textures"] = json!([{"source": 0}]);
-        let imported = fixture.material(json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}})).load();
+        let imported = fixture.material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})).load();
         assert_eq!(imported.scene.textures[0].image.texels[0], [255, 0, 255, 255]);
-        assert!(imported.report.warnings[0].contains("checkerboard"), "{:?}", imported.report.warnings);
+        let [line] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
+        assert!(line.contains("a checkerboard is shown"), "{line}");
     }
+}
+
+#[test]
+fn of_other_maps_that_cannot_be_had_nothing_is_left() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["images"] = json!([{"uri": "nowhere.png"}]);
+    fixture.root["textures"] = json!([{"source": 0}]);
+    let map = json!({"index": 0});
+    let imported = fixture
+        .material(json!({
+            "name": "odd", "emissiveFactor": [1, 1, 1], "emissiveTexture": map, "normalTexture": map,
+            "pbrMetallicRoughness": {"metallicRoughnessTexture": map},
+            "extensions": {
+                "KHR_materials_transmission": {"transmissionFactor": 1, "transmissionTexture": map},
+                "KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatTexture": map}},
+        }))
+        .load();
+    let plain = Material { name: "odd".into(), metallic: 0.0, ..Material::default() };
+    assert_eq!(imported.scene.materials, [plain]);
+    let [image, material] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
+    assert!(image.ends_with("it is left out"), "{image}");
+    for part in ["\"odd\"", "metal and roughness, normals, emission, transmission, clear coat", "does not shine"] {
+        assert!(material.contains(part), "{part}: {material}");
+    }
+    // It counts where repeats of a name are numbered, as it does once its map is there.
+    assert_eq!(imported.scene.dark_materials.into_iter().collect::<Vec<_>>(), [0]);
+}
+
+#[test]
+fn one_image_is_a_checkerboard_as_a_base_color_and_no_light_as_emission() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["images"] = json!([{"uri": "nowhere.png"}]);
+    fixture.root["textures"] = json!([{"source": 0}]);
+    let map = json!({"index": 0});
+    let material =
+        json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": map, "pbrMetallicRoughness": {"baseColorTexture": map}});
+    let imported = fixture.material(material).load();
+    let material = &imported.scene.materials[0];
+    assert!(material.base_color_texture.is_some() && !material.is_emitter(), "{material:?}");
+    assert!(imported.report.warnings[0].contains("a checkerboard is shown"), "{:?}", imported.report.warnings);
 }
 
 #[test]
@@ -156,14 +252,11 @@ fn coordinate_sets_beyond_the_second_are_reported() {
 fn the_example_of_texture_transform_uses_the_lower_left_quadrant() {
     let mut fixture = Fixture::triangle();
     fixture.root["textures"] = json!([{}]);
-    let scene = fixture
-        .material(
-            json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0, "extensions": {"KHR_texture_transform":
-            {"offset": [0, 1], "rotation": std::f32::consts::FRAC_PI_2, "scale": [0.5, 0.5], "texCoord": 1}}}}),
-        )
-        .load()
-        .scene;
-    let texture = scene.materials[0].emissive_texture.expect("given");
+    let transform =
+        json!({"offset": [0, 1], "rotation": std::f32::consts::FRAC_PI_2, "scale": [0.5, 0.5], "texCoord": 1});
+    let texture = json!({"index": 0, "extensions": {"KHR_texture_transform": transform}});
+    let scene = fixture.material(json!({"pbrMetallicRoughness": {"baseColorTexture": texture}})).load().scene;
+    let texture = scene.materials[0].base_color_texture.expect("given");
     assert_eq!(texture.uv_set, 1);
     for (uv, expected) in [(Vec2::ZERO, Vec2::Y), (Vec2::X, Vec2::new(0.0, 0.5)), (Vec2::Y, Vec2::new(0.5, 1.0))] {
         let there = texture.transform.transform_point2(uv);
@@ -186,7 +279,9 @@ fn textured() -> Fixture {
     let mut fixture = Fixture::triangle();
     let uvs = fixture.floats("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
     fixture.primitive()["attributes"]["TEXCOORD_0"] = json!(uvs);
-    fixture.root["textures"] = json!([{}]);
+    let view = fixture.view(&png());
+    fixture.root["images"] = json!([{"bufferView": view, "mimeType": "image/png"}]);
+    fixture.root["textures"] = json!([{"source": 0}]);
     fixture
 }
 
@@ -213,7 +308,7 @@ fn layered_extensions_reach_the_finish() {
     assert_eq!((finish.anisotropy, finish.anisotropy_rotation_rad), (0.75, 1.5));
     assert_eq!((finish.iridescence, finish.film_ior, finish.film_thickness_nm), (1.0, 1.8, [100.0, 700.0]));
     assert_eq!((finish.diffuse_transmission, finish.diffuse_transmission_color), (0.25, Vec3::new(1.0, 0.5, 0.0)));
-    let encoding = |texture: Option<crate::scene::TextureRef>| texture.expect("given").encoding;
+    let encoding = |texture: Option<TextureRef>| texture.expect("given").encoding;
     assert_eq!(encoding(finish.sheen_color_texture), Encoding::Srgb);
     assert_eq!(encoding(finish.diffuse_transmission_color_texture), Encoding::Srgb);
     for linear in [finish.clearcoat_texture, finish.sheen_roughness_texture, finish.film_thickness_texture] {
