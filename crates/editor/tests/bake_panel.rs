@@ -344,6 +344,25 @@ fn after_a_reload_only_a_new_lamp_is_traced() {
 }
 
 #[test]
+fn the_lights_that_a_bake_knows_least_well_are_named_behind_it() {
+    let mut window = baked();
+    let told = window.state().session().figures.as_ref().unwrap().column_error_db.clone().unwrap();
+    let line = |light: &str, db: f32| format!("{light}, {db:.1} dB below peak");
+    let worst = line(&told.worst[0].light, told.worst[0].db);
+    window.get_by_label(&worst).scroll_to_me();
+    window.run_steps(8);
+    for light in &told.worst {
+        window.get_by_label(&line(&light.light, light.db));
+    }
+    window.hover_at(window.get_by_label(&worst).rect().center());
+    window.run_steps(60);
+    window.get_by_label_contains(&format!("half are worse than {:.1} dB", told.median));
+    reach(&mut window, "Least known lights");
+    window.run_steps(30);
+    assert!(window.query_by_label(&worst).is_none(), "they are folded");
+}
+
+#[test]
 fn who_is_new_is_welcomed_once_and_text_grows_as_wished() {
     let film = Film { width: 64, height: 48 };
     let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false, work_plane: None };

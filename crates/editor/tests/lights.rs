@@ -7,11 +7,11 @@ mod desk;
 use clerestory::app::App;
 use clerestory::look::Look;
 use clerestory::session::{BakeState, Source};
-use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2};
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, pos2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use serde_json::{Value, json};
 
-use desk::{Window, baked, click, drag, open, room, type_over, wait};
+use desk::{Window, baked, click, drag, open, reach, room, type_over, wait};
 
 /// The room with three more lamps below a node: instances of one lamp.
 fn lit_room() -> Vec<u8> {
@@ -581,6 +581,17 @@ fn a_long_list_is_searched_by_a_part_of_a_name() {
     window.get_by_label("Filter lights").type_text("spot 3");
     window.run_steps(3);
     assert_eq!((n_shown(&window, "left"), n_shown(&window, "spot")), (0, 1));
+
+    // What is selected and not shown is told, since it is changed as well.
+    click(&mut window, "Clear the filter");
+    assert!(n_shown(&window, "left") == 1 && n_shown(&window, "spot") > 1);
+    assert!(window.query_by_label("Clear the filter").is_none());
+    select(&mut window, &["left", "right"]);
+    window.get_by_label("Filter lights").click();
+    window.run_steps(2);
+    window.get_by_label("Filter lights").type_text("LEF");
+    window.run_steps(3);
+    window.get_by_label("2 lights selected, 1 not shown");
 }
 
 #[test]
@@ -664,8 +675,8 @@ fn board_and_table_have_the_details_the_masters_and_the_way_back() {
     window.get_by_label("Spots on panel");
 }
 
-#[test]
-fn a_long_table_draws_the_lines_that_are_seen() {
+/// That room with 320 more lamps.
+fn crowded_room() -> Window {
     let mut gltf: Value = serde_json::from_slice(&lit_room()).unwrap();
     let nodes = gltf["nodes"].as_array_mut().unwrap();
     let first = nodes.len();
@@ -675,7 +686,31 @@ fn a_long_table_draws_the_lines_that_are_seen() {
     }));
     let roots = gltf["scenes"][0]["nodes"].as_array_mut().unwrap();
     roots.extend((first..first + 320).map(|node| json!(node)));
-    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() })
+}
+
+#[test]
+fn the_table_brings_what_is_clicked_in_the_picture_into_view() {
+    let mut window = crowded_room();
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    click(&mut window, "Table");
+    for _ in 0..2 {
+        click(&mut window, "Sort by name");
+    }
+    assert!(window.query_by_label("Mute left").is_none(), "below 320 others");
+    window.hover_at(window.get_by_label("Picture").rect().center());
+    window.run_steps(2);
+    let at = window.get_by_label("left in the picture").rect().center();
+    click_with(&mut window, at, PointerButton::Primary, Modifiers::NONE);
+    window.run_steps(60);
+    let [above, line, below] =
+        ["Group lights by", "Mute left", "Select nothing"].map(|label| window.get_by_label(label).rect());
+    assert!(above.bottom() < line.top() && line.bottom() < below.top(), "{line} between {above} and {below}");
+}
+
+#[test]
+fn a_long_table_draws_the_lines_that_are_seen() {
+    let mut window = crowded_room();
     wait(&mut window, |app| app.session().basis().is_some());
     click(&mut window, "Table");
     click(&mut window, "Sort by name");
@@ -716,4 +751,220 @@ fn the_square_of_colors_stays_where_it_is_pressed() {
     window.drop_at(before.center());
     window.run_steps(3);
     assert_eq!(place(&window), before);
+}
+
+#[test]
+fn the_keyboard_stays_with_its_light_while_rows_come_and_go() {
+    let mut window = lit();
+    for view in ["List", "Board"] {
+        click(&mut window, view);
+        click(&mut window, "Add lamp");
+        click(&mut window, "Point");
+        wait(&mut window, App::is_settled);
+        let before = window.get_by_label("Mute panel").rect();
+        window.get_by_label("Mute panel").focus();
+        window.run_steps(2);
+        window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+        window.run_steps(4);
+        assert!(window.state().look().lights.lamps.is_empty());
+        let mute = window.get_by_label("Mute panel");
+        assert!(mute.rect() != before && mute.accesskit_node().is_focused(), "in the {view}");
+        press(&mut window, Key::Space);
+        assert!(window.state().look().lights.own_setting("panel").muted);
+        let toggled = window.get_by_label("Mute panel").accesskit_node().toggled();
+        assert_eq!(format!("{toggled:?}"), "Some(True)", "and who does not see it is told");
+        click(&mut window, "Undo");
+    }
+
+    // A window of a color stays with its light as well.
+    click(&mut window, "List");
+    click(&mut window, "panel color");
+    window.get_by_label("Collapse Counter").click_accesskit();
+    window.run_steps(4);
+    assert!(window.query_by_label("Mute left").is_none());
+    click(&mut window, "Kelvin");
+    assert!(window.state().look().lights.own_setting("panel").kelvin.is_some());
+}
+
+/// Where the number beside a slider is.
+fn number_beside(window: &Window, label: &str) -> Pos2 {
+    window.get_all_by_role_and_label(Role::SpinButton, label).last().unwrap().rect().center()
+}
+
+#[test]
+fn a_color_temperature_beyond_the_slider_stays_until_another_one_is_typed() {
+    let mut window = lit();
+    select(&mut window, &["left"]);
+    let kelvin = |window: &Window| window.state().look().lights.own_setting("left").kelvin;
+    // The first one is what a light counts from that has none.
+    for (text, wanted) in [("3000", 3000.0), ("20000", 20_000.0), ("3333.4", 3333.4), ("1000 K", 1000.0)] {
+        type_over(&mut window, "Selected lights color temperature", text);
+        assert_eq!(kelvin(&window), Some(wanted), "{text}");
+        click(&mut window, "left color");
+        window.run_steps(4);
+        let number = window.get_all_by_role_and_label(Role::SpinButton, "left kelvin").last().unwrap();
+        let shown = number.accesskit_node().value().unwrap();
+        assert!(shown.starts_with(&format!("{wanted:.0}")), "{shown}");
+        press(&mut window, Key::Escape);
+        assert_eq!(kelvin(&window), Some(wanted), "a look at it changes nothing");
+    }
+    for (text, wanted) in [("15000", 15_000.0), ("2.7k", 2700.0), ("200000", 100_000.0)] {
+        click(&mut window, "left color");
+        let at = number_beside(&window, "left kelvin");
+        window.hover_at(at);
+        window.run_steps(2);
+        window.drag_at(at);
+        window.drop_at(at);
+        window.run_steps(3);
+        window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        window.run_steps(1);
+        window.event(Event::Text(text.into()));
+        window.run_steps(2);
+        press(&mut window, Key::Enter);
+        assert_eq!(kelvin(&window), Some(wanted), "{text}");
+        press(&mut window, Key::Escape);
+    }
+}
+
+#[test]
+fn what_is_set_for_many_lights_counts_for_all_where_the_first_has_it_already() {
+    let mut window = lit();
+    let all = ["left", "middle", "right"];
+    type_over(&mut window, "middle factor", "0.5");
+    select(&mut window, &all);
+    type_over(&mut window, "Selected lights factor", "1");
+    assert_eq!(*window.state().look(), Look::default());
+
+    let kelvins = |window: &Window| all.map(|key| window.state().look().lights.own_setting(key).kelvin);
+    click(&mut window, "left color");
+    click(&mut window, "Kelvin");
+    click(&mut window, "Warm");
+    press(&mut window, Key::Escape);
+    assert_eq!(kelvins(&window), [Some(2700.0), None, None]);
+    type_over(&mut window, "Selected lights color temperature", "2700");
+    assert_eq!(kelvins(&window), [Some(2700.0); 3]);
+
+    click(&mut window, "left color");
+    click(&mut window, "From file");
+    press(&mut window, Key::Escape);
+    click(&mut window, "Selected lights color");
+    click(&mut window, "From file");
+    press(&mut window, Key::Escape);
+    assert_eq!(*window.state().look(), Look::default());
+}
+
+#[test]
+fn an_offset_that_is_dragged_there_and_back_leaves_no_trace() {
+    let mut window = lit();
+    type_over(&mut window, "left factor", "0.3");
+    select(&mut window, &["left", "right"]);
+    let look = window.state().look().clone();
+    let from = window.get_by_label("Change selected lights by EV").rect().center();
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    window.run_steps(2);
+    for x in [8.0, 400.0, 1100.0] {
+        window.hover_at(from + eframe::egui::vec2(x, 0.0));
+        window.run_steps(2);
+    }
+    assert!(intensity(&window, "right") > 1e5 && intensity(&window, "left") > 1e5);
+    for x in [400.0, 8.0, 0.0] {
+        window.hover_at(from + eframe::egui::vec2(x, 0.0));
+        window.run_steps(2);
+    }
+    window.drop_at(from);
+    window.run_steps(3);
+    assert_eq!(*window.state().look(), look);
+}
+
+#[test]
+fn shift_selects_what_lies_between_in_a_sorted_table() {
+    let mut window = lit();
+    click(&mut window, "Table");
+    for _ in 0..2 {
+        click(&mut window, "Sort by name");
+    }
+    select(&mut window, &["right"]);
+    window.event(Event::ModifiersChanged(Modifiers::SHIFT));
+    let at = name(&window, "middle");
+    click_with(&mut window, at, PointerButton::Primary, Modifiers::SHIFT);
+    window.event(Event::ModifiersChanged(Modifiers::NONE));
+    window.get_by_label("3 lights selected");
+    click(&mut window, "Mute selected lights");
+    let muted = |key: &str| window.state().look().lights.own_setting(key).muted;
+    assert_eq!(["right", "panel", "middle", "left", "lamp"].map(muted), [true, true, true, false, false]);
+}
+
+#[test]
+fn lights_and_groups_get_their_names_and_marks_on_the_board_and_in_the_table_too() {
+    let mut window = lit();
+    select(&mut window, &["left"]);
+    for (view, from, to) in [("Board", "left", "Desk"), ("Table", "Desk", "Shelf")] {
+        click(&mut window, view);
+        press(&mut window, Key::F2);
+        window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        window.get_by_label(&format!("Name of {from}")).type_text(to);
+        window.run_steps(2);
+        press(&mut window, Key::Enter);
+        assert_eq!(window.state().look().names["left"], to, "{view}");
+        window.get_by_label(&format!("Mute {to}"));
+    }
+    click(&mut window, "Board");
+    menu_by_key(&mut window, "Counter", Modifiers::NONE, Key::Menu);
+    click(&mut window, "Rename…");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.get_by_label("Name of Counter").type_text("Bar");
+    window.run_steps(2);
+    press(&mut window, Key::Enter);
+    window.get_by_label("Mute group Bar");
+
+    let n_marked = |window: &Window| {
+        ["Differs from the file", "Something in it differs from the file"]
+            .map(|words| window.query_all_by_label(words).count())
+    };
+    for view in ["Board", "List"] {
+        click(&mut window, view);
+        assert_eq!(n_marked(&window), [0, 0], "{view}");
+        click(&mut window, "Mute middle");
+        assert_eq!(n_marked(&window), [1, 1], "{view}");
+        click(&mut window, "Mute middle");
+    }
+}
+
+#[test]
+fn the_banner_of_a_solo_of_long_names_keeps_its_button_within_the_picture() {
+    let mut gltf: Value = serde_json::from_slice(&lit_room()).unwrap();
+    let long = |name: &str| format!("{name} of the collection of lamps below the ceiling of the entrance hall");
+    for node in gltf["nodes"].as_array_mut().unwrap() {
+        let name = node["name"].as_str().unwrap_or_default().to_owned();
+        if ["left", "middle", "right"].contains(&name.as_str()) {
+            node["name"] = json!(long(&name));
+        }
+    }
+    let bytes = serde_json::to_vec(&gltf).unwrap();
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    click(&mut window, "Solo group Counter");
+    window.run_steps(4);
+    let [button, picture] = ["Clear solo", "Picture"].map(|label| window.get_by_label(label).rect());
+    assert!(picture.contains_rect(button), "{button} of {picture}");
+    click(&mut window, "Clear solo");
+    assert!(window.query_by_label("Clear solo").is_none());
+}
+
+#[test]
+fn the_name_of_a_lamp_that_was_reset_away_is_not_that_of_the_next_one() {
+    let mut window = lit();
+    let add = |window: &mut Window| {
+        click(window, "Add lamp");
+        click(window, "Point");
+        wait(window, App::is_settled);
+    };
+    add(&mut window);
+    rename(&mut window, "Point lamp 1", "Door");
+    reach(&mut window, "Reset all lights");
+    assert_eq!(*window.state().look(), Look::default());
+    add(&mut window);
+    window.get_by_label("Mute Point lamp 1");
 }

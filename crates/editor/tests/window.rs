@@ -439,6 +439,27 @@ fn false_color_of_lux_that_were_not_baked_offers_to_bake_them() {
 }
 
 #[test]
+fn false_color_of_lux_says_while_they_are_a_preview() {
+    let mut window = baked();
+    click(&mut window, "False color");
+    let in_the_list = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() == eframe::egui::Role::Button;
+    window.query_all_by_label("Illuminance").find(in_the_list).unwrap().click();
+    window.run_steps(3);
+    for (label, number) in [("Samples per pixel", 4096.0), ("Tolerance", 80.0)] {
+        window.get_by_label(label).set_value_accesskit(number);
+        window.run_steps(3);
+    }
+    assert!(window.query_by_label("As far as the bake is").is_none());
+    click(&mut window, "Bake with illuminance");
+    let has_lux = |app: &App| app.session().shown.as_ref().is_some_and(|shown| shown.pixel_irradiance().is_some());
+    wait(&mut window, |app| app.session().bake.is_running() && has_lux(app));
+    window.get_by_label("As far as the bake is");
+    click(&mut window, "Stop the bake");
+    wait(&mut window, |app| app.session().bake == BakeState::Stopped);
+    assert!(window.query_by_label("As far as the bake is").is_none());
+}
+
+#[test]
 fn white_balance_metering_and_false_color_are_part_of_the_look() {
     let mut window = baked();
     click(&mut window, "Metering");

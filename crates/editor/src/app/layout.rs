@@ -6,6 +6,7 @@ use eframe::egui::{self, Context, Panel, Ui};
 use super::App;
 use super::habits::BakeHabits;
 use crate::action::{Action, Side};
+use crate::look::Look;
 use crate::panels::bake::{BakeView, bake_ui, start_ui};
 use crate::panels::dialogs::{UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
@@ -130,7 +131,7 @@ impl App {
             Panel::bottom("start").frame(frame).show(inner, |ui| {
                 start_ui(
                     ui,
-                    &bake_view(&self.session, (&self.settings, self.camera.camera.as_ref()), None),
+                    &bake_view(&self.session, (&self.settings, self.camera.camera.as_ref()), (None, &[])),
                     &mut self.actions,
                 );
             });
@@ -153,7 +154,8 @@ impl App {
 
     pub(super) fn bake_panel_ui(&mut self, ui: &mut Ui) {
         let asked = (&self.settings, self.camera.camera.as_ref());
-        let view = bake_view(&self.session, asked, self.follower.device_bytes());
+        let worst = worst_lights(&self.session, &self.look);
+        let view = bake_view(&self.session, asked, (self.follower.device_bytes(), &worst));
         // A bake that was opened shows how it was baked; what the next scene is baked with stays.
         let mut of_file = if view.can_bake { None } else { self.session.settings_of_shown() };
         let is_of_scene = view.can_bake && view.pictures.is_none();
@@ -186,9 +188,7 @@ impl App {
         Panel::bottom("status").frame(frame).show(ui, |ui| {
             let device = self.follower.device();
             let figures = self.session.figures.as_ref();
-            let worst = figures.and_then(|figures| figures.column_error_db.as_ref()).map_or(&[][..], |db| &db.worst);
-            let worst: Vec<_> =
-                worst.iter().map(|worst| (self.look.name_of(&worst.light).to_string(), worst.db)).collect();
+            let worst = worst_lights(&self.session, &self.look);
             let status = Status {
                 messages: &self.messages,
                 opening: self.session.is_opening(),
@@ -243,15 +243,23 @@ impl App {
     }
 }
 
+/// What the lights that a bake knows least well are called, the worst first, and their error in dB.
+fn worst_lights(session: &Session, look: &Look) -> Vec<(String, f32)> {
+    let told = session.figures.as_ref().and_then(|figures| figures.column_error_db.as_ref());
+    let worst = told.map_or(&[][..], |told| &told.worst);
+    worst.iter().map(|worst| (look.name_of(&worst.light).to_owned(), worst.db)).collect()
+}
+
 fn bake_view<'a>(
     session: &'a Session,
     (settings, camera): (&BakeSettings, Option<&'a Camera>),
-    device_bytes: Option<u64>,
+    (device_bytes, worst_lights): (Option<u64>, &'a [(String, f32)]),
 ) -> BakeView<'a> {
     let opened = session.opened.as_ref();
     BakeView {
         state: &session.bake,
         figures: session.figures.as_ref(),
+        worst_lights,
         device_bytes,
         error_db: session.error_db,
         camera,

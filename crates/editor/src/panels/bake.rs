@@ -53,6 +53,8 @@ pub struct BakeView<'a> {
     pub state: &'a BakeState,
     /// Ranks and bytes of what is shown.
     pub figures: Option<&'a Figures>,
+    /// Names of the lights that it knows least well, the worst first, and their error in dB.
+    pub worst_lights: &'a [(String, f32)],
     /// Memory of the graphics device that the picture takes, bytes, while that relights.
     pub device_bytes: Option<u64>,
     /// Error of the last pass.
@@ -115,7 +117,13 @@ fn content_ui(
     if let Some(figures) = view.figures {
         ui.add_space(2.0);
         heat_ui(ui, heat_map, view);
-        figures_ui(ui, (figures, view.device_bytes), view.error_db, view.state, actions);
+        figures_ui(ui, (figures, view.device_bytes), view.error_db);
+        worst_ui(ui, figures, view.worst_lights);
+        if *view.state == BakeState::Done
+            && ui.button("Save bake…").on_hover_text("Open it later without baking again").clicked()
+        {
+            actions.push(Action::Ask(FileTask::SaveBake));
+        }
     }
     if !view.report.is_empty() {
         report_ui(ui, view.report);
@@ -358,13 +366,7 @@ fn pass_words(pass: u32, n_passes: u32, pass_done: f32, secs_left: Option<f32>) 
     }
 }
 
-fn figures_ui(
-    ui: &mut Ui,
-    (figures, device_bytes): (&Figures, Option<u64>),
-    error: Option<ErrorDb>,
-    state: &BakeState,
-    actions: &mut Vec<Action>,
-) {
+fn figures_ui(ui: &mut Ui, (figures, device_bytes): (&Figures, Option<u64>), error: Option<ErrorDb>) {
     let rows = [
         ("Lights", format!("{} columns", figures.columns), "Columns of the matrix"),
         ("Blocks", format!("{}", figures.blocks), "Blocks of pixels"),
@@ -410,11 +412,22 @@ fn figures_ui(
             ui.end_row();
         }
     });
-    if *state == BakeState::Done
-        && ui.button("Save bake…").on_hover_text("Open it later without baking again").clicked()
-    {
-        actions.push(Action::Ask(FileTask::SaveBake));
-    }
+}
+
+/// The lights that are known least well, a line each; nothing where a bake does not tell.
+fn worst_ui(ui: &mut Ui, figures: &Figures, worst: &[(String, f32)]) {
+    let Some(told) = figures.column_error_db.as_ref().filter(|_| !worst.is_empty()) else { return };
+    let hint = format!(
+        "Error of a light by itself, below its own brightest in the picture: seen once it shines alone, or much brighter than in the file; \
+         more samples help\nOf the columns of all lights half are worse than {:.1} dB, a tenth are worse than {:.1} dB",
+        told.median, told.tenth
+    );
+    egui::CollapsingHeader::new("Least known lights").default_open(true).show(ui, |ui| {
+        for (name, db) in worst {
+            let words = format!("{name}, {}", decibels(Some(*db)));
+            ui.add(egui::Label::new(words).wrap()).on_hover_text(&hint);
+        }
+    });
 }
 
 fn report_ui(ui: &mut Ui, report: &[String]) {

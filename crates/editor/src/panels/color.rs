@@ -2,14 +2,14 @@
 
 use clerestory_transport::light::planckian_tint;
 use eframe::egui::{
-    self, Color32, ColorImage, Popup, PopupCloseBehavior, Rect, Response, Sense, Slider, Stroke, StrokeKind,
-    TextureOptions, Ui,
+    self, Color32, ColorImage, Popup, PopupCloseBehavior, Rect, Response, Sense, Slider, SliderClamping, Stroke,
+    StrokeKind, TextureOptions, Ui,
     ecolor::{Hsva, HsvaGamma},
     pos2, vec2,
 };
 use glam::Vec3;
 
-use super::number::{Number, Spelling, slider_ui};
+use super::number::{Number, Spelling, beside, number_of, slider_ui};
 
 /// How a light is tinted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,11 +27,13 @@ const KELVINS: [(&str, f32); 5] =
 const NEW_KELVIN: f32 = 3000.0;
 /// Those that a look may have.
 const KELVIN_RANGE: std::ops::RangeInclusive<f32> = 500.0..=100_000.0;
+/// Fewer with a k behind them are thousands.
+const MOST_THOUSANDS: f64 = 100.0;
 const PICKER_WIDTH: f32 = 252.0;
 const N: usize = 32;
 
-/// A swatch that opens the editor; answers whether the tint changed. `file_color` is linear. Without `kelvin_choice`
-/// (spots) there is no color temperature to choose.
+/// A swatch that opens the editor; answers whether the tint was set, be it to what it is. `file_color` is linear. Without
+/// `kelvin_choice` (spots) there is no color temperature to choose.
 pub fn tint_ui(ui: &mut Ui, label: &str, tint: &mut Tint, file_color: Vec3, kelvin_choice: KelvinChoice) -> bool {
     let shown = match *tint {
         Tint { kelvin: Some(kelvin), .. } => planckian_tint(kelvin),
@@ -39,19 +41,19 @@ pub fn tint_ui(ui: &mut Ui, label: &str, tint: &mut Tint, file_color: Vec3, kelv
         Tint { .. } => file_color,
     };
     let response = swatch(ui, swatch_color(shown), *tint != Tint::default()).accessible_name(format!("{label} color"));
-    let before = *tint;
-    Popup::menu(&response).close_behavior(PopupCloseBehavior::CloseOnClickOutside).show(|ui| {
+    let popup = Popup::menu(&response).close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+    let set = popup.show(|ui| {
         ui.set_width(PICKER_WIDTH);
         ui.spacing_mut().button_padding = vec2(6.0, 2.0);
-        mode_ui(ui, tint, shown, kelvin_choice);
-        match *tint {
+        let is_chosen = mode_ui(ui, tint, shown, kelvin_choice);
+        let is_edited = match *tint {
             Tint { kelvin: Some(kelvin), .. } => kelvin_ui(ui, label, kelvin, tint),
             Tint { color: Some(color), .. } => {
                 // Both at every frame, so that nothing moves under the pointer that picks.
                 let (picked, typed) = (picker_ui(ui, color), hex_ui(ui, label, color));
-                if let Some(color) = picked.or(typed) {
-                    tint.color = Some(color);
-                }
+                let edited = picked.or(typed);
+                tint.color = edited.or(Some(color));
+                edited.is_some()
             }
             Tint { .. } => {
                 let words = match kelvin_choice {
@@ -59,10 +61,12 @@ pub fn tint_ui(ui: &mut Ui, label: &str, tint: &mut Tint, file_color: Vec3, kelv
                     _ => "The color that the scene gives it",
                 };
                 ui.label(egui::RichText::new(words).weak());
+                false
             }
-        }
+        };
+        is_chosen || is_edited
     });
-    *tint != before
+    set.is_some_and(|set| set.inner)
 }
 
 /// Whether a color temperature can be chosen.
@@ -76,35 +80,44 @@ pub enum KelvinChoice {
     Hidden,
 }
 
-fn mode_ui(ui: &mut Ui, tint: &mut Tint, shown: Vec3, kelvin_choice: KelvinChoice) {
+/// Answers whether one was chosen, be it the one that is on.
+fn mode_ui(ui: &mut Ui, tint: &mut Tint, shown: Vec3, kelvin_choice: KelvinChoice) -> bool {
+    let mut is_chosen = false;
     ui.horizontal(|ui| {
+        let mut chosen = |ui: &mut Ui, is_on: bool, words: &str| {
+            let is_clicked = ui.selectable_label(is_on, words).clicked();
+            is_chosen |= is_clicked;
+            is_clicked && !is_on
+        };
         let untinted = if kelvin_choice == KelvinChoice::OfferedOnWhite { "White" } else { "From file" };
-        if ui.selectable_label(*tint == Tint::default(), untinted).clicked() {
+        if chosen(ui, *tint == Tint::default(), untinted) {
             *tint = Tint::default();
         }
-        let is_color = tint.color.is_some() && tint.kelvin.is_none();
-        if ui.selectable_label(is_color, "Color").clicked() && !is_color {
+        if chosen(ui, tint.color.is_some() && tint.kelvin.is_none(), "Color") {
             let color = tint.color.unwrap_or((shown / shown.max_element().max(1e-6)).to_array());
             *tint = Tint { color: Some(color), kelvin: None };
         }
-        let offered = kelvin_choice != KelvinChoice::Hidden;
-        if offered && ui.selectable_label(tint.kelvin.is_some(), "Kelvin").clicked() && tint.kelvin.is_none() {
+        if kelvin_choice != KelvinChoice::Hidden && chosen(ui, tint.kelvin.is_some(), "Kelvin") {
             tint.kelvin = Some(NEW_KELVIN);
         }
     });
     ui.add_space(4.0);
+    is_chosen
 }
 
-fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) {
-    ui.spacing_mut().slider_width = PICKER_WIDTH - 78.0;
+/// The slider ends where lamps do; what lies beyond stays, and can be typed. Answers whether it was set.
+fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) -> bool {
+    ui.spacing_mut().slider_width = PICKER_WIDTH - 84.0;
     let slider = Slider::new(&mut kelvin, 1700.0..=12_000.0)
+        .clamping(SliderClamping::Never)
         .logarithmic(true)
         .fixed_decimals(0)
         .suffix(" K")
         .trailing_fill(false);
-    let response = slider_ui(ui, slider, Spelling::with_unit(" K"));
+    let response = slider_ui(ui, slider, Spelling::new(|kelvin, _| format!("{kelvin:.0}"), kelvins));
     let response = response.on_hover_text("Color temperature in kelvin: 2700 K is warm, 6500 K is daylight");
-    if response.accessible_name(format!("{label} kelvin")).changed() {
+    let mut is_set = response.accessible_name(format!("{label} kelvin")).changed();
+    if is_set {
         tint.kelvin = Some(kelvin.clamp(*KELVIN_RANGE.start(), *KELVIN_RANGE.end()));
     }
     ui.horizontal_wrapped(|ui| {
@@ -112,28 +125,41 @@ fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) {
         ui.spacing_mut().button_padding.x = 4.0;
         for (name, kelvin) in KELVINS {
             if ui.small_button(name).on_hover_text(format!("{kelvin:.0} K")).clicked() {
-                tint.kelvin = Some(kelvin);
+                (tint.kelvin, is_set) = (Some(kelvin), true);
             }
         }
     });
+    is_set
+}
+
+/// Kelvin as they are typed, with their unit or without; so few of them with a k are thousands.
+fn kelvins(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let digits = text.trim_end_matches(['K', 'k', ' ']);
+    let kelvin = number_of(digits, "")?;
+    let is_thousands = digits.len() < text.len() && kelvin < MOST_THOUSANDS;
+    Some(if is_thousands { 1000.0 * kelvin } else { kelvin })
 }
 
 /// The color temperature as a number, to drag and to type; a light without one takes it on once it is changed. Answers
 /// whether it was.
 pub fn kelvin_field_ui(ui: &mut Ui, label: &str, tint: &mut Tint, is_mixed: bool) -> bool {
-    let mut kelvin = tint.kelvin.unwrap_or(NEW_KELVIN);
+    let mut kelvin = f64::from(tint.kelvin.unwrap_or(NEW_KELVIN));
     let has_one = tint.kelvin.is_some();
+    if is_mixed || !has_one {
+        kelvin = beside(kelvin, f64::from(*KELVIN_RANGE.start()));
+    }
     let number = Number::new(&mut kelvin).range(KELVIN_RANGE).speed(15.0).suffix(" K");
     let number = number.words(|kelvin, _| match (is_mixed, has_one) {
         (true, _) => "mixed".into(),
         (false, true) => format!("{kelvin:.0}"),
         (false, false) => "–".into(),
     });
-    let number = number.read(|text| text.trim().trim_end_matches(['K', 'k', ' ']).parse().ok());
+    let number = number.read(kelvins);
     let field = ui.add_sized([66.0, 22.0], number).on_hover_text("Color temperature, kelvin");
     let is_set = field.accessible_name(format!("{label} color temperature")).changed();
     if is_set {
-        *tint = Tint { color: None, kelvin: Some(kelvin) };
+        *tint = Tint { color: None, kelvin: Some(kelvin as f32) };
     }
     is_set
 }
@@ -251,6 +277,15 @@ mod tests {
         let [gray, ..] = from_hex("808080").unwrap();
         assert!((gray - 0.2159).abs() < 1e-3, "{gray}");
         assert_eq!(["", "#FFF", "#GG0000", "#FF00000", "red"].map(from_hex), [None; 5]);
+    }
+
+    #[test]
+    fn kelvin_are_typed_in_thousands_too() {
+        assert_eq!(
+            ["2700", " 2700 K", "2700k", "2.7k", "3 kK", "100"].map(kelvins),
+            [Some(2700.0), Some(2700.0), Some(2700.0), Some(2700.0), Some(3000.0), Some(100.0)]
+        );
+        assert_eq!(["", "K", "warm", "2,7k", "nan"].map(kelvins), [None; 5]);
     }
 
     #[test]

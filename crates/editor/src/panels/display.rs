@@ -3,7 +3,7 @@
 use clerestory_relight::display::{Dither, Metering, Spacing, Tone, WhitePoint};
 use eframe::egui::{self, Slider, SliderClamping, Ui};
 
-use super::measure::{LuxBake, missing_ui};
+use super::measure::{LuxBake, missing_ui, preliminary_ui};
 use super::number::{Number, Spelling, before_drag, slider_ui};
 use crate::action::Action;
 use crate::isolux::Isolux;
@@ -87,8 +87,10 @@ fn content_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView, actions: &
         dither_row(ui, &mut display.dither);
         false_color_rows(ui, &mut display.false_color, view);
     });
-    if display.quantity() == Some(Quantity::Illuminance) && !view.has_illuminance {
-        missing_ui(ui, view.lux_bake, actions);
+    match (display.quantity(), view.has_illuminance) {
+        (Some(Quantity::Illuminance), true) => preliminary_ui(ui, view.lux_bake),
+        (Some(Quantity::Illuminance), false) => missing_ui(ui, view.lux_bake, actions),
+        _ => {}
     }
 }
 

@@ -114,6 +114,8 @@ pub struct LightsState {
 
 /// Lists up to this long need no filter.
 const FILTER_FROM: usize = 10;
+/// Room for the button that clears the filter, points.
+const CLEAR: f32 = 34.0;
 
 impl LightsState {
     /// For a scene that was just opened, laid out as before.
@@ -188,9 +190,9 @@ pub fn lights_ui(
     unfold_for(state, &items, &lights);
     let order = order(&items, &lights, &state.collapsed, state.layout.view);
     let file = basis.file_rig();
-    let mut mix = Mix { lights: &lights, items: &items, order: &order, look, file: &file, state, actions };
+    let mut mix = Mix { lights: &lights, items: &items, order, look, file: &file, state, actions };
     keys(ui, &mut mix);
-    if !mix.state.selection.is_empty() {
+    if lights.iter().any(|light| mix.state.selection.has(&light.key)) {
         let frame = egui::Frame::NONE.inner_margin(egui::Margin::symmetric(0, 4));
         Panel::bottom("selected lights").frame(frame).show(ui, |ui| editor::editor_ui(ui, &mut mix));
     }
@@ -234,8 +236,7 @@ fn heading_ui(ui: &mut Ui, state: &mut LightsState, lamps: &LampChoice, actions:
 /// Search, groups and units.
 fn layout_ui(ui: &mut Ui, state: &mut LightsState, n_lights: usize) {
     if n_lights > FILTER_FROM {
-        let edit = TextEdit::singleline(&mut state.filter).hint_text("Filter by name").desired_width(f32::INFINITY);
-        ui.add(edit).accessible_name("Filter lights");
+        filter_ui(ui, &mut state.filter);
     } else {
         state.filter.clear();
     }
@@ -262,6 +263,22 @@ fn layout_ui(ui: &mut Ui, state: &mut LightsState, n_lights: usize) {
             let number = Number::new(&mut layout.efficacy).range(1.0..=IDEAL_EFFICACY).speed(1.0).max_decimals(0);
             let tip = "Luminous efficacy, lm/W: 683 is what glTF and Blender count by, LED lamps have about 100";
             ui.add(number.suffix(" lm/W")).on_hover_text(tip).accessible_name("Luminous efficacy");
+        }
+    });
+}
+
+/// The field that the names are searched by, and a way out of it.
+fn filter_ui(ui: &mut Ui, filter: &mut String) {
+    ui.horizontal(|ui| {
+        let is_on = !filter.is_empty();
+        let width = ui.available_width() - if is_on { CLEAR } else { 0.0 };
+        let edit = TextEdit::singleline(filter).hint_text("Filter by name").desired_width(width);
+        ui.add(edit).accessible_name("Filter lights");
+        if is_on {
+            let clear = ui.button("×").on_hover_text("Show all lights");
+            if clear.accessible_name("Clear the filter").clicked() {
+                filter.clear();
+            }
         }
     });
 }

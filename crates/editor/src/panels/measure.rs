@@ -119,10 +119,7 @@ pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions:
         match (&view.marked, view.has_illuminance) {
             (Some(figures), _) => {
                 figures_ui(ui, "marked", figures);
-                if view.lux_bake == LuxBake::Underway {
-                    ui.label(RichText::new("As far as the bake is").weak())
-                        .on_hover_text("Measured anew at the end of the bake");
-                }
+                preliminary_ui(ui, view.lux_bake);
             }
             (None, false) => missing_ui(ui, view.lux_bake, actions),
             (None, true) if marking.marks().is_none() => {
@@ -221,6 +218,14 @@ fn figures_ui(ui: &mut Ui, salt: &str, figures: &LuxFigures) {
             ui.end_row();
         }
     });
+}
+
+/// Says that lux are not final, while they are not.
+pub fn preliminary_ui(ui: &mut Ui, lux_bake: LuxBake) {
+    if lux_bake == LuxBake::Underway {
+        ui.label(RichText::new("As far as the bake is").weak())
+            .on_hover_text("A preview first, coarse and smoothed; with all samples at the end of the bake");
+    }
 }
 
 /// What to do where no illuminance was baked.

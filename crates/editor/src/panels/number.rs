@@ -176,6 +176,12 @@ pub fn number_of(text: &str, unit: &str) -> Option<f64> {
     digits.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
+/// The number next to one, no less than `least`: for a field that shows a word in place of several numbers, or of none. Any number that is
+/// typed there is another one, what the field would count from as well.
+pub fn beside(number: f64, least: f64) -> f64 {
+    if number > least { number.next_down() } else { number.next_up() }
+}
+
 /// What something was when the drag of a field began; `now`, before the field changed it, where none is under way. What goes along with a field follows from that, so
 /// that a drag there and back leaves no trace.
 pub fn before_drag<T: Clone + Send + Sync + 'static>(ui: &Ui, field: &Response, now: T) -> T {
@@ -194,6 +200,14 @@ pub fn before_drag<T: Clone + Send + Sync + 'static>(ui: &Ui, field: &Response, 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn beside_a_number_lies_another_one_within_its_range() {
+        for (number, least) in [(3000.0, 500.0), (500.0, 500.0), (0.0, 0.0), (-20.0, -20.0), (1e6, 0.0)] {
+            let other = beside(number, least);
+            assert!(other != number && other >= least && (other - number).abs() <= 1e-9, "{number}: {other}");
+        }
+    }
 
     #[test]
     fn a_number_may_carry_its_own_unit_and_no_other() {

@@ -136,6 +136,9 @@ impl Session {
             BakeEvent::Denoised { blocks, .. } => {
                 blocks.iter().for_each(|(block_idx, factors)| self.block_done(*block_idx, factors));
             }
+            BakeEvent::IrradianceDenoised { set, blocks } => {
+                blocks.iter().for_each(|(block_idx, factors)| self.irradiance_done(set, *block_idx, factors));
+            }
             BakeEvent::Progress { pass, done, secs_left } => {
                 if let BakeState::Running { n_passes, .. } = self.bake {
                     let (n_blocks, n_done) = self.pass_blocks;

@@ -16,7 +16,7 @@ use crate::guides::Guides;
 use crate::matrix::CHANNELS;
 
 /// A block with less noise: its place, and one factor per group of columns.
-type Denoised = (usize, Vec<Arc<BlockFactors>>);
+pub(super) type Denoised = (usize, Vec<Arc<BlockFactors>>);
 
 /// The blocks of a pass as they come.
 pub(super) struct Arrivals<'a> {
@@ -118,7 +118,7 @@ pub(super) fn tell(
 
 impl BakeJob {
     /// The light of the file in the scale of the columns, of each group.
-    fn preserved<'l>(&self, light: &'l [f32]) -> Vec<&'l [f32]> {
+    pub(super) fn preserved<'l>(&self, light: &'l [f32]) -> Vec<&'l [f32]> {
         let groups = self.scene.lighting.basis.groups.iter();
         groups.map(|group| &light[group.columns.start as usize..group.columns.end as usize]).collect()
     }
@@ -145,14 +145,20 @@ impl Likenesses {
 
 impl Run<'_> {
     /// Looks at what pixels show, once; `None` if nobody wants it any more.
-    pub(super) fn likenesses(&mut self) -> Option<Likenesses> {
+    pub(super) fn guides(&mut self) -> Option<Arc<Guides>> {
         let (job, focus) = (self.job, self.focus);
         let guides = match &self.guides {
             Some(guides) => guides.clone(),
             None => Arc::new(Guides::new(&job.scene, &job.camera, job.film, &|| !focus.is_left())?),
         };
         self.guides = Some(guides.clone());
-        let light = job.scene.lighting.basis.file_light(&self.header.column_scale);
+        Some(guides)
+    }
+
+    /// What the picture is denoised by; `None` if nobody wants it any more.
+    pub(super) fn likenesses(&mut self) -> Option<Likenesses> {
+        let guides = self.guides()?;
+        let light = self.job.scene.lighting.basis.file_light(&self.header.column_scale);
         Some(Likenesses { guides, light, partition: self.header.partition() })
     }
 

@@ -150,7 +150,8 @@ impl BakeJob {
             let n_there = run.matrices[0].first().map_or(0, n_there);
             sampled = run.sampled_bytes() * partition.n_blocks() as u64 / n_there.max(1) as u64;
             let Some([once, blocks]) = run.try_end(is_last) else { return Ok(None) };
-            secs += once + blocks * partition.n_blocks() as f32 / n_there.max(1) as f32;
+            let denoising = blocks * partition.n_blocks() as f32 / n_there.max(1) as f32;
+            secs += once + denoising;
             if nth == 0 && samples.is_none() {
                 preview_secs = secs;
             }
@@ -161,6 +162,8 @@ impl BakeJob {
                     try_blocks(budget, focus, |mut on_event| run.irradiance(own, &blocks, &mut clock, &mut on_event));
                 let Some(watch) = tried? else { return Ok(None) };
                 secs += watch.secs_for(partition.n_blocks(), self.scales());
+                // Noise leaves a preview as it leaves that of the picture.
+                secs += if own.samples.is_none() { denoising } else { 0.0 };
             }
         }
         let Some((packing_secs, sizes)) = sizes(header, &run.matrices, &partitions, focus) else { return Ok(None) };

@@ -7,14 +7,17 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use clerestory_nystrom::rivals::Method;
-use clerestory_nystrom::{BlockFactors, BlockLowRank, Guide, compress_by};
+use clerestory_nystrom::{BlockFactors, BlockLowRank, Denoiser, Guide, Likeness, compress_by};
 
 use super::clock::Clock;
+use super::denoise::Denoised;
 use super::focus::Focus;
 use super::patches::PatchBlocks;
 use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Indirect, Passes, Run};
 use crate::figures::error_db;
+use crate::guides::Guides;
 use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
+use crate::matrix::CHANNELS;
 use crate::nodes::Nodes;
 use crate::plan::{Density, MatrixPlan};
 use crate::sensors::{SensorError, SensorGrid};
@@ -64,6 +67,19 @@ pub(super) struct IrradiancePass {
 
 /// Pixels of the picture for each point of a grid that is measured before the picture is refined.
 const PIXELS_PER_EARLY_POINT: usize = 4;
+
+/// How alike what arrives at pixels is expected to be: whatever the color of their surfaces.
+struct Arriving<'a>(&'a Guides);
+
+impl Likeness for Arriving<'_> {
+    fn likeness(&self, bundle: u32, first: u32, out: &mut [f32]) {
+        self.0.likeness(bundle, first, out);
+    }
+
+    fn gains(&self, _: u32) -> &[f32] {
+        &[1.0; CHANNELS]
+    }
+}
 
 /// All matrices of a bake, one part per group of columns.
 type Matrices = Vec<Vec<BlockLowRank>>;
@@ -172,11 +188,49 @@ fn dark_for<'a>(rows: &IrradianceRows, dark: &'a [u32]) -> &'a [u32] {
 }
 
 impl Run<'_> {
-    /// Compresses some blocks of a matrix of irradiance.
+    /// Compresses some blocks of a matrix of irradiance. Those of a preview are told of once more with less noise.
     pub(super) fn irradiance(
         &mut self,
         own: &IrradiancePass,
         blocks: &[u32],
+        clock: &mut Clock,
+        on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
+    ) -> Result<ControlFlow<()>, BakeError> {
+        let mut preview = self.header.empty_matrices().swap_remove(1 + own.set);
+        preview.truncate(self.n_own());
+        let flow = self.trace_irradiance(own, blocks, &mut preview, clock, on_event)?;
+        let is_grainy = own.samples.is_none() && !blocks.is_empty();
+        if flow.is_break() || !is_grainy || !self.is_denoised(false) {
+            return Ok(flow);
+        }
+        Ok(match self.with_less_grain(own.set, &preview) {
+            Some(blocks) => on_event(BakeEvent::IrradianceDenoised { set: own.set, blocks }),
+            None => ControlFlow::Break(()),
+        })
+    }
+
+    /// A preview of irradiance, noise taken out as of that of the picture; `None` if nobody wants it any more.
+    fn with_less_grain(&mut self, set: usize, preview: &[BlockLowRank]) -> Option<Vec<Denoised>> {
+        let (job, focus, header) = (self.job, self.focus, self.header.clone());
+        let light = job.scene.lighting.basis.file_light(&header.irradiance[set].column_scale);
+        let (guides, partition) = (self.guides()?, header.partitions().swap_remove(1 + set));
+        let preserved = job.preserved(&light);
+        let denoiser =
+            Denoiser { partition: &partition, bundle_len: CHANNELS, preserved, likeness: &Arriving(&guides) };
+        let groups = denoiser.all(preview, &|| !focus.is_left())?;
+        let block = |block_idx: usize| {
+            let factors: Option<Vec<_>> = groups.iter().map(|group| group.blocks[block_idx].clone()).collect();
+            Some((block_idx, factors?))
+        };
+        Some((0..partition.n_blocks()).filter_map(block).collect())
+    }
+
+    /// The blocks of a preview are kept in `preview` alone.
+    fn trace_irradiance(
+        &mut self,
+        own: &IrradiancePass,
+        blocks: &[u32],
+        preview: &mut [BlockLowRank],
         clock: &mut Clock,
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
@@ -232,6 +286,9 @@ impl Run<'_> {
             let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
             if own.samples.is_some() {
                 return self.deliver((1 + own.set, block as usize), pass, factors, clock, on_event);
+            }
+            for (group, factors) in preview.iter_mut().zip(&factors) {
+                group.blocks[block as usize] = Some(factors.clone());
             }
             let (done, secs_left) = clock.block_done(self.started.elapsed().as_secs_f32());
             let (set, block_idx, is_preview) = (own.set, block as usize, true);

@@ -345,6 +345,10 @@ impl Reuse {
                 let blocks = blocks.into_iter().map(|(block_idx, new)| (block_idx, around(0, block_idx, new)));
                 BakeEvent::Denoised { pass, blocks: blocks.collect() }
             }
+            BakeEvent::IrradianceDenoised { set, blocks } => {
+                let blocks = blocks.into_iter().map(|(block_idx, new)| (block_idx, around(1 + set, block_idx, new)));
+                BakeEvent::IrradianceDenoised { set, blocks: blocks.collect() }
+            }
             other => other,
         }
     }

@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use clerestory_nystrom::{Half, SampledMatrix};
+use clerestory_nystrom::{BlockLowRank, Half, SampledMatrix};
 use glam::{Vec3, Vec4};
 
 use super::stage::{Stage, lambert, pane, quad, room, tint};
@@ -286,6 +286,54 @@ fn irradiance_is_there_when_the_preview_is_and_that_of_sensors_stays() {
     });
     assert!(small.unwrap().is_some());
     assert_eq!(told, [(0, true), (1, true), (0, false), (1, false), (2, false)]);
+}
+
+#[test]
+fn a_preview_of_irradiance_comes_once_more_with_less_noise_and_the_bake_is_the_same() {
+    let scene = lit_room();
+    let film = Film { width: 64, height: 48 };
+    // The preview as it came and as it is left, with the bake.
+    let baked = |denoise: bool| {
+        let mut job = job(&scene, vec![IrradianceRows::Pixels], Indirect::Traced);
+        (job.film, job.passes, job.config.denoise) = (film, Passes::PreviewAndFinal, denoise);
+        let (mut previews, mut n_denoised) = (Vec::new(), 0);
+        let bake = job.run(|event| {
+            match event {
+                BakeEvent::Started { header, .. } => previews = vec![header.empty_irradiance().remove(0); 2],
+                BakeEvent::IrradianceDone { block_idx, factors, is_preview: true, .. } => {
+                    for (group, factors) in previews.iter_mut().flatten().zip(factors.iter().cycle()) {
+                        group.blocks[block_idx] = Some(factors.clone());
+                    }
+                }
+                BakeEvent::IrradianceDenoised { set, blocks } => {
+                    assert_eq!(set, 0);
+                    n_denoised += blocks.len();
+                    for (block_idx, factors) in blocks {
+                        for (group, factors) in previews[1].iter_mut().zip(factors) {
+                            group.blocks[block_idx] = Some(factors);
+                        }
+                    }
+                }
+                _ => {}
+            }
+            ControlFlow::Continue(())
+        });
+        (bake.unwrap().unwrap(), previews, n_denoised)
+    };
+    let (bake, previews, n_denoised) = baked(true);
+    let (plain, grainy, none) = baked(false);
+    assert_eq!((n_denoised, none), (12, 0));
+    assert_eq!(bake.irradiance, plain.irradiance);
+    assert_eq!((&grainy[0], &grainy[1]), (&previews[0], &previews[0]), "it came as it was sampled");
+    let error = |preview: &[BlockLowRank], truth: &[f64]| -> f64 {
+        let early = Bake { irradiance: vec![preview.to_vec()], ..bake.clone() };
+        relit(&early, 0).iter().zip(truth).map(|(lux, truth)| (lux - truth).powi(2)).sum()
+    };
+    let mut exact = job(&scene, vec![IrradianceRows::Pixels], Indirect::Traced);
+    (exact.film, exact.config.spp) = (film, 256);
+    let truth = relit(&exact.run(|_| ControlFlow::Continue(())).unwrap().unwrap(), 0);
+    let [before, after] = [0, 1].map(|nth| error(&previews[nth], &truth));
+    assert!(after < 0.7 * before, "{before:e} {after:e}");
 }
 
 #[test]

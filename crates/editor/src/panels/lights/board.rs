@@ -145,11 +145,14 @@ fn light_strip_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, sizes: Sizes) {
     let is_selected = mix.state.selection.has(&light.key);
     let selection = ui.visuals().selection.bg_fill.gamma_multiply(0.55);
     let fill = if is_selected { selection } else { ui.visuals().faint_bg_color };
-    ui.push_id(("strip", light.key.as_str()), |ui| {
+    let id = ui.scope_id().with(("strip", light.key.as_str()));
+    row::keyed_ui(ui, id, |ui| {
         let rect = strip_ui(ui, fill, sizes, |ui| {
-            let text = row::name_text(ui, mix, light);
-            let name = name_ui(ui, text, sizes.strip);
-            row::light_response(ui, mix, light, name);
+            if !row::renamed_ui(ui, mix, light, vec2(sizes.strip, NAME)) {
+                let text = row::name_text(ui, mix, light);
+                let name = name_ui(ui, text, sizes.strip);
+                row::light_response(ui, mix, light, name);
+            }
             let mut setting = mix.setting(light);
             let size = vec2(30.0, sizes.fader);
             fader_ui(ui, &format!("{} intensity", light.name), (size, More::Up), &mut setting.intensity);
@@ -162,6 +165,7 @@ fn light_strip_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, sizes: Sizes) {
             letters_ui(ui, sizes.strip, |ui| row::letters_ui(ui, mix, &light.name, key));
             row::color_ui(ui, mix, light);
         });
+        mark_ui(ui, rect, mix.differs(light), row::DIFFERS);
         if mix.state.scroll_to.as_deref() == Some(light.key.as_str()) {
             mix.state.scroll_to = None;
             ui.scroll_to_rect(rect, Some(Align::Center));
@@ -171,11 +175,14 @@ fn light_strip_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, sizes: Sizes) {
 
 fn group_strip_ui(ui: &mut Ui, mix: &mut Mix, group: &Group, sizes: Sizes) {
     let fill = ui.visuals().widgets.inactive.weak_bg_fill.gamma_multiply(0.5);
-    ui.push_id(("group strip", group.key.as_str()), |ui| {
-        strip_ui(ui, fill, sizes, |ui| {
-            let text = RichText::new(&group.name).strong().color(theme::accent_text(ui));
-            let name = name_ui(ui, text, sizes.strip);
-            group_row::group_response(ui, mix, group, name);
+    let id = ui.scope_id().with(("group strip", group.key.as_str()));
+    row::keyed_ui(ui, id, |ui| {
+        let rect = strip_ui(ui, fill, sizes, |ui| {
+            if !group_row::renamed_ui(ui, mix, group, vec2(sizes.strip, NAME)) {
+                let text = RichText::new(&group.name).strong().color(theme::accent_text(ui));
+                let name = name_ui(ui, text, sizes.strip);
+                group_row::group_response(ui, mix, group, name);
+            }
             let mut own = master(mix.look, group, mix.lights);
             let before = own.intensity;
             let size = vec2(30.0, sizes.fader);
@@ -196,7 +203,16 @@ fn group_strip_ui(ui: &mut Ui, mix: &mut Mix, group: &Group, sizes: Sizes) {
                 group_row::fold(mix, group, !is_open);
             }
         });
+        mark_ui(ui, rect, group_row::differs(mix, group), group_row::DIFFERS);
     });
+}
+
+/// The dot in the corner of a strip in which something is not as in the file.
+fn mark_ui(ui: &Ui, strip: Rect, is_on: bool, tip: &str) {
+    if is_on {
+        let place = Rect::from_min_size(strip.min + vec2(1.0, 1.0), vec2(row::MARK, row::MARK));
+        row::dot_ui(ui, ui.interact(place, ui.scope_id().with("mark"), Sense::hover()), tip);
+    }
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use super::mix::Mix;
 use super::row;
 use super::scale::{Measure, Shown, number_ui};
 use crate::panels::color::{KelvinChoice, Tint, kelvin_field_ui, tint_ui};
-use crate::panels::number::Number;
+use crate::panels::number::{Number, before_drag};
 
 /// Stops that a change may be.
 const MOST_EV: f64 = 20.0;
@@ -70,6 +70,9 @@ fn heading_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize], keys: &[String]) {
             [one] => mix.lights[*one].name.clone(),
             many => format!("{} lights selected", many.len()),
         };
+        let is_shown = |idx: &&usize| mix.items.iter().any(|item| item.lights().contains(idx));
+        let n_hidden = selected.len() - selected.iter().filter(is_shown).count();
+        let title = if n_hidden > 0 { format!("{title}, {n_hidden} not shown") } else { title };
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let close = ui.button("×").on_hover_text("Select nothing");
             if close.accessible_name("Select nothing").clicked() {
@@ -95,9 +98,14 @@ fn heading_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize], keys: &[String]) {
 /// All of some lights so many stops brighter: their ratios stay.
 pub(super) fn offset(mix: &mut Mix, keys: &[String], stops: f32) {
     for key in keys {
-        let setting = mix.look.lights.own_setting(key);
-        mix.look.lights.set(key, LightSetting { intensity: stepped(setting.intensity, stops), ..setting });
+        let was = mix.look.lights.own_setting(key);
+        set_offset(mix, key, was, stops);
     }
+}
+
+/// A light so many stops brighter than it was.
+fn set_offset(mix: &mut Mix, key: &str, was: LightSetting, stops: f32) {
+    mix.look.lights.set(key, LightSetting { intensity: stepped(was.intensity, stops), ..was });
 }
 
 fn offset_ui(ui: &mut Ui, mix: &mut Mix, keys: &[String]) {
@@ -107,12 +115,16 @@ fn offset_ui(ui: &mut Ui, mix: &mut Mix, keys: &[String]) {
     }
     let id = ui.scope_id().with("offset");
     let mut stops: f64 = ui.data(|data| data.get_temp(id)).unwrap_or(0.0);
-    let before = stops;
+    let settings: Vec<LightSetting> = keys.iter().map(|key| mix.look.lights.own_setting(key)).collect();
+    let now = (stops, settings);
     let number = Number::new(&mut stops).range(-MOST_EV..=MOST_EV).speed(0.02).suffix(" EV");
     let number = number.words(|stops, _| format!("{stops:+.2}"));
     let field = ui.add_sized([76.0, 22.0], number).on_hover_text(tip).accessible_name("Change selected lights by EV");
+    let (from, settings) = before_drag(ui, &field, now);
     if field.changed() {
-        offset(mix, keys, (stops - before) as f32);
+        for (key, setting) in keys.iter().zip(settings) {
+            set_offset(mix, key, setting, (stops - from) as f32);
+        }
     }
     // The next change begins at 0 again.
     let kept = if field.dragged() || field.has_focus() { stops } else { 0.0 };

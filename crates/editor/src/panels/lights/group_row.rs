@@ -1,14 +1,14 @@
 //! A group in the list: a row with a master that turns all of its lights.
 
 use clerestory_transport::light::LightSetting;
-use eframe::egui::{self, Key, Label, Response, RichText, Sense, Shape, Stroke, Ui, vec2};
+use eframe::egui::{self, Key, Label, Response, RichText, Sense, Shape, Stroke, Ui, Vec2, vec2};
 
 use super::columns::{INDENT, Part, columns_ui};
 use super::fader::{More, fader_ui};
 use super::groups::{Group, master, set_master};
 use super::mix::Mix;
 use super::names::renaming_ui;
-use super::row::{HEIGHT, NUMBER, letter_ui, mark_ui, name_label_ui};
+use super::row::{HEIGHT, NUMBER, keyed_ui, letter_ui, mark_ui, name_label_ui};
 use super::scale::{Measure, Shown, number_ui};
 use super::solo;
 use crate::look::groups::own_name;
@@ -20,11 +20,12 @@ const COUNT: f32 = 18.0;
 
 /// Draws the row of a group. Answers whether its lights are shown below it.
 pub(super) fn group_row_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) -> bool {
-    ui.push_id(("group", group.key.as_str()), |ui| {
+    let id = ui.scope_id().with(("group", group.key.as_str()));
+    keyed_ui(ui, id, |ui| {
         let background = ui.painter().add(Shape::Noop);
         let row = ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 5.0;
-            mark_ui(ui, differs(mix, group), "Something in it differs from the file");
+            mark_ui(ui, differs(mix, group), DIFFERS);
             letters_ui(ui, mix, group);
             columns_ui(ui, mix, |ui, mix, part| match part {
                 Part::Color => {}
@@ -43,8 +44,11 @@ pub(super) fn group_row_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) -> bool {
     !mix.state.collapsed.contains(&group.key)
 }
 
+/// What the mark of a group says.
+pub(super) const DIFFERS: &str = "Something in it differs from the file";
+
 /// Whether a group or one of its lights is not as in the file.
-fn differs(mix: &Mix, group: &Group) -> bool {
+pub(super) fn differs(mix: &Mix, group: &Group) -> bool {
     mix.look.lights.groups.contains_key(&group.key) || group.lights.iter().any(|idx| mix.differs(&mix.lights[*idx]))
 }
 
@@ -90,15 +94,18 @@ pub(super) fn letters_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) {
     }
 }
 
+/// The field in place of a group's name, while it gets another. Answers whether it is there.
+pub(super) fn renamed_ui(ui: &mut Ui, mix: &mut Mix, group: &Group, size: Vec2) -> bool {
+    let of = (group.key.as_str(), own_name(&group.key));
+    renaming_ui(ui, of, size, mix.look, &mut mix.state.renaming, &[])
+}
+
 /// The triangle, the name and the number of lights.
 fn name_ui(ui: &mut Ui, mix: &mut Mix, group: &Group, width: f32) {
     ui.spacing_mut().item_spacing.x = 5.0;
     fold_ui(ui, mix, group);
     let width = width - INDENT;
-    let of = (group.key.as_str(), own_name(&group.key));
-    let is_named =
-        ui.allocate_ui(vec2(width, HEIGHT), |ui| renaming_ui(ui, of, mix.look, &mut mix.state.renaming, &[])).inner;
-    if is_named {
+    if renamed_ui(ui, mix, group, vec2(width, HEIGHT)) {
         return;
     }
     let text = RichText::new(&group.name).strong();
@@ -161,13 +168,13 @@ pub(super) fn group_response(ui: &Ui, mix: &mut Mix, group: &Group, name: Respon
 
 /// Gives the lights what their master does, so that nothing is seen to change.
 fn hand_down(mix: &mut Mix, group: &Group) {
-    let own = master(mix.look, group, mix.lights);
+    // The lights that it turns: those of a look that was made elsewhere may be fewer than are shown.
+    let Some(own) = mix.look.lights.groups.remove(&group.key) else { return };
     for key in &own.lights {
         let setting = mix.look.lights.own_setting(key);
         let (intensity, muted) = (setting.intensity * own.intensity, setting.muted || own.muted);
         mix.look.lights.set(key, LightSetting { intensity, muted, ..setting });
     }
-    mix.look.lights.groups.remove(&group.key);
 }
 
 /// Lets a widget change the master of a group.

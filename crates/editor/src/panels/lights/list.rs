@@ -38,7 +38,7 @@ pub(super) fn end_ui(ui: &mut Ui, mix: &mut Mix) {
     other_masters_ui(ui, mix);
     let tip = "Back to what the file says; added lamps go, and another sky. Undo brings all of it back";
     if mix.look.lights != *mix.file && ui.button("Reset all lights").on_hover_text(tip).clicked() {
-        mix.look.lights = mix.file.clone();
+        mix.reset_all();
     }
 }
 

@@ -18,7 +18,7 @@ pub(super) struct Mix<'a> {
     /// Those that are shown, sorted.
     pub items: &'a [Item],
     /// Keys as they are shown, from the first to the last.
-    pub order: &'a [String],
+    pub order: Vec<String>,
     pub look: &'a mut Look,
     /// What the file itself is lit by.
     pub file: &'a LightRig,
@@ -64,6 +64,13 @@ impl Mix<'_> {
         self.look.lights.panels.remove(key);
     }
 
+    /// Everything about all lights as in the file. Added lamps go with their names, which later ones may have.
+    pub fn reset_all(&mut self) {
+        let lamps: Vec<String> = self.look.lights.lamps.iter().map(|lamp| lamp.key.clone()).collect();
+        lamps.iter().for_each(|lamp| _ = self.look.remove_lamp(lamp));
+        self.look.lights = self.file.clone();
+    }
+
     /// Keys of some lights.
     pub fn keys(&self, lights: &[usize]) -> Vec<String> {
         lights.iter().map(|idx| self.lights[*idx].key.clone()).collect()
@@ -72,7 +79,7 @@ impl Mix<'_> {
     /// A click on the name of a light. What is selected alone is also the chosen lamp of the picture, if it is one.
     pub fn click(&mut self, ui: &Ui, key: &str) {
         let modifiers = ui.input(|input| input.modifiers);
-        self.state.selection.click(key, modifiers, self.order);
+        self.state.selection.click(key, modifiers, &self.order);
         let is_lamp = self.look.lights.lamps.iter().any(|lamp| lamp.key == key);
         let is_chosen = is_lamp && self.state.selection.has(key);
         self.state.choose_lamp(is_chosen.then(|| key.to_owned()));

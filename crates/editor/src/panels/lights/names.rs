@@ -1,6 +1,6 @@
 //! Names that a designer gives to lights and groups; keys stay.
 
-use eframe::egui::{Key, Response, TextEdit, Ui};
+use eframe::egui::{Key, Response, TextEdit, Ui, Vec2};
 
 use super::listed::Listed;
 use crate::look::Look;
@@ -50,20 +50,24 @@ pub(in crate::panels) fn name_field_ui(
     edit
 }
 
-/// The field in place of a name that is asked for in the list; it takes the keyboard at once. Answers whether it is shown.
+/// The field in place of a name that is asked for, as large as that; it takes the keyboard at once. Answers whether it is shown.
 pub(super) fn renaming_ui(
     ui: &mut Ui,
     of: (&str, &str),
+    size: Vec2,
     look: &mut Look,
     renaming: &mut Renaming,
     lights: &[Listed],
 ) -> bool {
     let Some(asked) = renaming.clone().filter(|(key, _)| key == of.0) else { return false };
-    let edit = name_field_ui(ui, of, look, renaming, lights);
-    if !edit.has_focus() && !edit.lost_focus() {
-        *renaming = Some(asked);
-        edit.request_focus();
-    }
+    ui.allocate_ui(size, |ui| {
+        ui.set_min_size(size);
+        let edit = name_field_ui(ui, of, look, renaming, lights);
+        if !edit.has_focus() && !edit.lost_focus() {
+            *renaming = Some(asked);
+            edit.request_focus();
+        }
+    });
     true
 }
 

@@ -3,7 +3,8 @@
 use clerestory_transport::basis::SourceKind;
 use clerestory_transport::light::LightSetting;
 use eframe::egui::{
-    self, Align, Button, Color32, Label, Layout, Rect, Response, RichText, Sense, Shape, Ui, pos2, vec2,
+    self, Align, Button, Color32, Id, Label, Layout, Rect, Response, RichText, Sense, Shape, Ui, UiBuilder, Vec2, pos2,
+    vec2,
 };
 
 use super::columns::{Part, columns_ui};
@@ -25,19 +26,21 @@ pub(super) const HEIGHT: f32 = 24.0;
 /// Width of a number with its unit.
 pub(super) const NUMBER: f32 = 62.0;
 /// Width of the mark in front of what differs from the file.
-const MARK: f32 = 8.0;
+pub(super) const MARK: f32 = 8.0;
+/// What the mark of a light says.
+pub(super) const DIFFERS: &str = "Differs from the file";
 /// Texels a side of a panel that is chosen in the window.
 const PANEL_RESOLUTIONS: [u32; 3] = [8, 16, 32];
 
 /// Draws the row of a light and what unfolds below it.
 pub(super) fn row_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, indent: f32) {
     let key = light.key.as_str();
-    ui.push_id(("light", key), |ui| {
+    let id = ui.scope_id().with(("light", key));
+    keyed_ui(ui, id, |ui| {
         let background = ui.painter().add(Shape::Noop);
         let row = ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 5.0;
-            let tip = "Differs from the file";
-            mark_ui(ui, mix.differs(light), tip);
+            mark_ui(ui, mix.differs(light), DIFFERS);
             letters_ui(ui, mix, &light.name, &[key.to_owned()]);
             columns_ui(ui, mix, |ui, mix, part| match part {
                 Part::Color => color_ui(ui, mix, light),
@@ -66,14 +69,25 @@ pub(super) fn row_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, indent: f32) {
     });
 }
 
-/// A dot where something is not as in the file.
+/// A part of the panel with an id of its own, that of a light or a group: what has the keyboard there, or is open, stays so while rows
+/// move, as they do when lights are sorted, added and folded.
+pub(super) fn keyed_ui<R>(ui: &mut Ui, id: Id, add: impl FnOnce(&mut Ui) -> R) -> R {
+    ui.scope_builder(UiBuilder::new().scope_id(id), add).inner
+}
+
+/// Room for a dot where something is not as in the file.
 pub(super) fn mark_ui(ui: &mut Ui, is_on: bool, tip: &str) {
-    let (rect, response) = ui.allocate_exact_size(vec2(MARK, HEIGHT - 2.0), Sense::hover());
+    let (_, place) = ui.allocate_exact_size(vec2(MARK, HEIGHT - 2.0), Sense::hover());
     if is_on {
-        ui.painter().circle_filled(pos2(rect.left() + 3.0, rect.center().y), 2.6, theme::ACCENT);
-        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, tip));
-        response.on_hover_text(tip);
+        dot_ui(ui, place, tip);
     }
+}
+
+/// The dot, in some place.
+pub(super) fn dot_ui(ui: &Ui, place: Response, tip: &str) {
+    ui.painter().circle_filled(pos2(place.rect.left() + 3.0, place.rect.center().y), 2.6, theme::ACCENT);
+    place.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, tip));
+    place.on_hover_text(tip);
 }
 
 /// Solo and mute of one light or of many.
@@ -98,11 +112,12 @@ pub(super) fn letter_ui(ui: &mut Ui, letter: &str, is_on: bool, on_color: Color3
     if is_on {
         button = button.fill(on_color);
     }
-    ui.scope(|ui| {
+    let button = ui.scope(|ui| {
         ui.spacing_mut().button_padding = vec2(5.0, 2.0);
         ui.add(button)
-    })
-    .inner
+    });
+    ui.ctx().accesskit_node_builder(button.inner.id, |node| node.set_toggled(is_on.into()));
+    button.inner
 }
 
 /// A label of a width that is clicked.
@@ -129,12 +144,14 @@ pub(super) fn name_text(ui: &Ui, mix: &Mix, light: &Listed) -> RichText {
     }
 }
 
-fn name_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, width: f32) {
+/// The field in place of a light's name, while it gets another. Answers whether it is there.
+pub(super) fn renamed_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, size: Vec2) -> bool {
     let of = (light.key.as_str(), light.key.as_str());
-    let is_named = ui
-        .allocate_ui(vec2(width, HEIGHT), |ui| renaming_ui(ui, of, mix.look, &mut mix.state.renaming, mix.lights))
-        .inner;
-    if is_named {
+    renaming_ui(ui, of, size, mix.look, &mut mix.state.renaming, mix.lights)
+}
+
+fn name_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, width: f32) {
+    if renamed_ui(ui, mix, light, vec2(width, HEIGHT)) {
         return;
     }
     let text = name_text(ui, mix, light);

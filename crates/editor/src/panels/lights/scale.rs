@@ -6,7 +6,7 @@ use eframe::egui::{Response, Ui};
 use serde::{Deserialize, Serialize};
 
 use super::listed::Listed;
-use crate::panels::number::Number;
+use crate::panels::number::{Number, beside};
 
 /// What a designer counts in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -232,6 +232,9 @@ pub(super) fn number_ui(
         Measure::Stops => OFF_EV..=FACTOR_MAX.log2(),
         Measure::Factor | Measure::Amount { .. } => 0.0..=measure.number(FACTOR_MAX as f32),
     };
+    if shown == Shown::Mixed {
+        number = beside(number, *range.start());
+    }
     let speed = if measure == Measure::Stops { 0.02 } else { (0.01 * number).max(measure.number(0.002)) };
     let suffix = match (shown, measure) {
         (Shown::WithUnit, Measure::Factor) => "×".to_owned(),

@@ -12,6 +12,9 @@ use crate::theme;
 
 /// Names that the banner tells; more are counted.
 const MOST_NAMES: usize = 3;
+/// Width of the button and of what is around both, and least width of the words, points.
+const BESIDE_WORDS: f32 = 150.0;
+const LEAST_WORDS: f32 = 80.0;
 
 impl LightsState {
     /// Brings solo in step with the lights: from a light to the lamp that takes its place, and back to it. What is gone is soloed
@@ -102,7 +105,10 @@ pub fn solo_banner_ui(ui: &Ui, picture: Rect, look: &Look, solo: &mut BTreeSet<S
         frame.show(ui, |ui| {
             ui.horizontal(|ui| {
                 let text = RichText::new(words(look, solo)).color(theme::ON_ACCENT).strong();
-                ui.add(egui::Label::new(text).wrap_mode(egui::TextWrapMode::Extend));
+                ui.scope(|ui| {
+                    ui.set_max_width((picture.width() - BESIDE_WORDS).max(LEAST_WORDS));
+                    ui.add(egui::Label::new(text).truncate());
+                });
                 let clear =
                     Button::new(RichText::new("Clear solo").color(theme::ACCENT)).fill(theme::ON_ACCENT).small();
                 if ui.add(clear).on_hover_text("All lights shine again").clicked() {

@@ -58,6 +58,7 @@ const SPACING: [f32; 2] = [10.0, 3.0];
 /// Draws the table.
 pub(super) fn table_ui(ui: &mut Ui, mix: &mut Mix) {
     let lines = lines(ui, mix);
+    mix.order = mix.keys(&lines);
     let is_long = lines.len() > LONG_FROM;
     let kinds = if is_long { kind_width(ui, mix) } else { 0.0 };
     let names = name_width(ui, mix, &lines);
@@ -77,11 +78,17 @@ pub(super) fn table_ui(ui: &mut Ui, mix: &mut Mix) {
                 });
             }
             ui.end_row();
-            for (nth, idx) in lines.into_iter().enumerate() {
-                if is_long && !fixed.sees(ui.cursor().top()) {
+            let lights = mix.lights;
+            for (nth, light) in lines.into_iter().map(|idx| &lights[idx]).enumerate() {
+                let top = ui.cursor().top();
+                let is_wanted = mix.state.scroll_to.take_if(|key| *key == light.key).is_some();
+                if is_wanted {
+                    fixed.scroll_to(ui, top);
+                }
+                if is_long && !is_wanted && !fixed.sees(top) {
                     ui.allocate_space(vec2(0.0, LINE));
                 } else {
-                    line_ui(ui, mix, &mix.lights[idx], (&fixed, nth));
+                    line_ui(ui, mix, light, (&fixed, nth));
                 }
                 ui.end_row();
             }
@@ -148,6 +155,12 @@ impl Fixed {
         self.seen.y_range().contains(top) || self.seen.y_range().contains(top + LINE)
     }
 
+    /// Brings the line at a height into view; sideways the table stays where it is.
+    fn scroll_to(&self, ui: &Ui, top: f32) {
+        let line = Rect::from_x_y_ranges(self.seen.x_range(), top..=top + LINE);
+        ui.scroll_to_rect(line, Some(Align::Center));
+    }
+
     /// Draws a cell of it; every other line lies on a ground of its own, by its number. What is in it belongs to `line`, wherever that stands.
     fn show(&self, ui: &mut Ui, line: Option<(usize, Id)>, add: impl FnOnce(&mut Ui)) {
         let (place, _) = ui.allocate_exact_size(vec2(self.width, LINE), Sense::hover());
@@ -207,37 +220,40 @@ fn lumens(mix: &Mix, light: &Listed) -> Option<f64> {
     Some(if setting.muted { 0.0 } else { lumens })
 }
 
-/// A cell whose widgets are known by its light and not by their place: that changes as the lines are sorted.
-fn cell_ui<R>(ui: &mut Ui, id: Id, add: impl FnOnce(&mut Ui) -> R) -> R {
-    ui.scope_builder(UiBuilder::new().scope_id(id), add).inner
+fn name_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
+    let width = ui.available_width();
+    if row::renamed_ui(ui, mix, light, vec2(width, LINE)) {
+        return;
+    }
+    let mut text = row::name_text(ui, mix, light);
+    if mix.state.selection.has(&light.key) {
+        text = text.background_color(ui.visuals().selection.bg_fill);
+    }
+    let name = row::name_label_ui(ui, text, width);
+    row::light_response(ui, mix, light, name);
 }
 
 fn line_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, (fixed, nth): (&Fixed, usize)) {
     let line = ui.scope_id().with(("line", light.key.as_str()));
     fixed.show(ui, Some((nth, line)), |ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
-        row::mark_ui(ui, mix.differs(light), "Differs from the file");
+        row::mark_ui(ui, mix.differs(light), row::DIFFERS);
         row::letters_ui(ui, mix, &light.name, std::slice::from_ref(&light.key));
-        let mut text = row::name_text(ui, mix, light);
-        if mix.state.selection.has(&light.key) {
-            text = text.background_color(ui.visuals().selection.bg_fill);
-        }
-        let name = row::name_label_ui(ui, text, ui.available_width());
-        row::light_response(ui, mix, light, name);
+        name_ui(ui, mix, light);
     });
     let mut setting = mix.setting(light);
     let measure = mix.measure(light, &setting);
-    cell_ui(ui, line.with("value"), |ui| {
+    row::keyed_ui(ui, line.with("value"), |ui| {
         number_ui(ui, &light.name, (measure, Shown::Bare), &mut setting.intensity, row::NUMBER)
     });
     ui.label(RichText::new(measure.unit()).weak());
     if setting != mix.setting(light) {
         mix.look.lights.set(&light.key, setting);
     }
-    cell_ui(ui, line.with("color"), |ui| row::color_ui(ui, mix, light));
+    row::keyed_ui(ui, line.with("color"), |ui| row::color_ui(ui, mix, light));
     let setting = mix.setting(light);
     let mut tint = Tint { color: setting.color, kelvin: setting.kelvin };
-    if cell_ui(ui, line.with("kelvin"), |ui| kelvin_field_ui(ui, &light.name, &mut tint, false)) {
+    if row::keyed_ui(ui, line.with("kelvin"), |ui| kelvin_field_ui(ui, &light.name, &mut tint, false)) {
         mix.look.lights.set(&light.key, LightSetting { color: tint.color, kelvin: tint.kelvin, ..setting });
     }
     ui.label(lumens(mix, light).map_or("–".into(), digits));
