@@ -622,7 +622,6 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     window.run_steps(3);
     click(&mut window, "Cancel");
     ask_for(&mut window, "Export frames…", &folder.path().join("f_###.png"));
-    window.get_by_label("Files of these names are there; saving asks whether to replace them");
     assert!(window.query_by_label_contains("saving replaces them").is_none(), "nothing is replaced unasked");
     window.get_by_label("49 of 24 in a second");
     window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("f.png").display().to_string());
@@ -657,6 +656,7 @@ fn replace_frames(window: &mut Window, path: &std::path::Path) {
         }
         window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
         window.run_steps(3);
+        window.get_by_label("Files of these names are there; saving asks whether to replace them");
         click(window, "Save");
         window.get_by_label_contains("Files named g_##.png are there");
         click(window, answer);

@@ -216,6 +216,11 @@ fn pictures_that_are_black_although_lights_are_on_are_told_whatever_they_are_wri
     let mut window = open_with(source, quick(), None);
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
     click(&mut window, "Mute panel");
+    click(&mut window, "Mute lamp");
+    save_as(&mut window, "Export…", &folder.path().join("off.png"));
+    wait_for(&mut window, "Saved");
+    assert!(window.query_by_label_contains("is black").is_none(), "without a light nothing else was to be expected");
+    click(&mut window, "Mute lamp");
     click(&mut window, "Keep look");
     click(&mut window, "Timeline");
     click(&mut window, "Add key");
@@ -229,15 +234,6 @@ fn pictures_that_are_black_although_lights_are_on_are_told_whatever_they_are_wri
         save_as(&mut window, label, &folder.path().join(name));
         wait_for(&mut window, words);
     }
-    // Without a light nothing else was to be expected.
-    click(&mut window, "Mute lamp");
-    let n_told = |window: &Window| window.query_all_by_label_contains("is black").count();
-    let before = n_told(&window);
-    let off = folder.path().join("off.png");
-    save_as(&mut window, "Export…", &off);
-    wait(&mut window, |_| off.exists());
-    window.run_steps(10);
-    assert_eq!(n_told(&window), before);
 }
 
 #[test]
@@ -262,9 +258,8 @@ fn names_with_dots_and_signs_are_taken_as_they_are_and_frames_get_their_ending()
     click(&mut window, "Export frames…");
     window.get_by_label("1 of 23.976 in a second");
     assert_eq!((typed(&window).as_str(), can_save(&window)), ("room-1_####.png", true), "one place for digits");
-    type_path(&mut window, "f_##");
     std::fs::write(at("f_07.png"), b"precious").unwrap();
-    type_path(&mut window, "f_##.png");
+    type_path(&mut window, "f_##");
     window.get_by_label("Files of these names are there; saving asks whether to replace them");
     type_path(&mut window, "v1.2_##");
     window.get_by_label_contains("end the name in .exr or .png");

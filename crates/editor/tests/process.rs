@@ -199,7 +199,6 @@ fn without_a_display_frames_that_are_black_are_told() {
 }
 
 /// Some two dozen blocks.
-
 const SHORT_BAKE: &str = "bake room.gltf --size 96x64 --spp 48 --threads 1 -o";
 
 /// Starts a bake and waits until something worth keeping was written.
