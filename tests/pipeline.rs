@@ -236,6 +236,24 @@ fn a_picture_that_is_black_although_lights_are_on_is_told() {
     assert!(is_told("relight @a.transport -o @a.exr"));
     assert!(!is_told("relight @a.transport --look @off.look -o @a.exr"));
     assert!(!is_told("render @room.glb -o @a.exr --size 8x6 --spp 2"));
+    let lamp = json!({ "key": "Desk", "type": "point", "position": [0, 0, 0], "strength": 800, "muted": true });
+    let muted = json!({ "clerestory": 1, "lights": { "L": { "muted": true } }, "lamps": [lamp] });
+    std::fs::write(desk.path("lamp.look"), muted.to_string()).unwrap();
+    assert!(!is_told("relight @a.transport --look @lamp.look --scene @dark.glb -o @a.exr"), "the lamp is off, too");
+
+    let looks = json!([{ "name": "On" }, { "name": "Off", "lights": { "L": { "muted": true } } }]);
+    let keys = json!([{ "time": 0, "look": "Off", "ease": "hold" }, { "time": 1, "look": "On" }]);
+    let shots = json!({ "clerestory": 1, "looks": looks, "timeline": { "fps": 2, "keys": keys } });
+    std::fs::write(desk.path("shots.look"), shots.to_string()).unwrap();
+    let told = |line: &str| desk.json(line)["warnings"].to_string();
+    let of_frames = told("relight @a.transport --look @shots.look -o @f_#.png");
+    assert!(of_frames.contains("frame 2 is black: no light reaches what the camera sees"), "{of_frames}");
+    let of_frames = told("relight @a.transport --look @shots.look --frames 1..4 -o @f_#.png");
+    assert!(of_frames.contains("3 of 4 frames, from frame 2 on, are black"), "{of_frames}");
+    std::fs::write(desk.path("on.look"), r#"{"clerestory": 1}"#).unwrap();
+    let of_sheet = told("relight @a.transport --contact-sheet @on.look @off.look -o @sheet#1.png");
+    assert!(of_sheet.contains("the picture of `on` is black") && !of_sheet.contains("`off`"), "{of_sheet}");
+    assert!(desk.path("sheet#1.png").exists(), "a sheet is one file, whatever it is called");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use image::RgbImage;
 
 use crate::export::png_bytes;
@@ -21,6 +21,21 @@ pub struct Print {
 /// Rows of a picture per pixel of the letters under it, and their least size in pixels.
 const ROWS_PER_LETTER_PX: u32 = 24;
 const LEAST_LETTER_PX: u32 = 12;
+/// Most pixels of all pictures of a sheet, which are in memory at once, three times.
+const MOST_PX: u64 = 1 << 28;
+
+/// Refuses so many pictures of so many pixels across and down as no sheet holds, before they are made.
+///
+/// # Errors
+/// Says how many pixels there would be.
+pub fn check_size(n_pictures: usize, [width, height]: [u32; 2]) -> Result<()> {
+    let n_px = u64::from(width).saturating_mul(u64::from(height)).saturating_mul(n_pictures as u64);
+    ensure!(
+        n_px <= MOST_PX,
+        "a sheet of {n_pictures} pictures of {width} × {height} pixels would be too large; take fewer looks, or make the pictures smaller"
+    );
+    Ok(())
+}
 
 /// Pictures row by row, about as many across as down; empty without any. Pictures of several sizes get cells of the largest.
 pub fn contact_sheet(prints: &[Print]) -> RgbImage {
@@ -76,6 +91,14 @@ mod tests {
         assert!(sheet.pixels().any(|pixel| pixel.0[0] > 200), "words are bright");
         let columns = |y: u32| (0..sheet.width()).filter(|&x| sheet.get_pixel(x, y).0[0] >= 100).count();
         assert_eq!((columns(20), columns(sheet.height() - 70)), (180, 120), "three across, two below");
+    }
+
+    #[test]
+    fn a_sheet_that_no_memory_holds_is_refused_before_it_is_made() {
+        assert!(check_size(100, [1920, 1080]).is_ok());
+        let said = check_size(400, [16_384, 16_384]).unwrap_err().to_string();
+        assert!(said.contains("400 pictures of 16384 × 16384"), "{said}");
+        assert!(check_size(usize::MAX, [u32::MAX; 2]).is_err());
     }
 
     #[test]

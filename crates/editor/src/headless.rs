@@ -13,7 +13,7 @@ use serde_json::json;
 use crate::cli::args::{BakeOptions, ViewArgs};
 use crate::cli::bake::{BakeTimes, baked, job, merge, open_stack, run_with_progress, stack_job};
 use crate::cli::relight::Relighter;
-use crate::cli::view::{load_scene, prepare_view, warn_of_unknown_lights};
+use crate::cli::view::{load_scene, prepare_view, warn_of_black, warn_of_unknown_lights};
 use crate::cli::{Answer, Console, nothing_kept};
 use crate::export::{ExportOptions, Picture};
 use crate::look::Look;
@@ -66,7 +66,7 @@ pub fn run(scene: Option<&Path>, reason: &str, console: &mut Console) -> Result<
         answer.words,
         frames.join("\n  "),
     );
-    merge(&mut answer.json, json!({ "frames": frames }));
+    merge(&mut answer.json, json!({ "frames": frames, "warnings": console.warnings() }));
     Ok(answer)
 }
 
@@ -150,6 +150,7 @@ fn plain_looks(basis: &LightBasis) -> Vec<(&'static str, Look)> {
 fn write_frame(bake: &Bake, name: &str, look: &Look, console: &mut Console) -> Result<[PathBuf; 2]> {
     warn_of_unknown_lights(&bake.header.basis, look, console);
     let radiance = Relighter::new(bake, &look.lights, None)?.relight(&bake.header.coefficients(&look.lights))?;
+    warn_of_black(&format!("the picture of {name} is"), &radiance, (&bake.header.basis, &look.lights), console);
     let paths = ["png", "exr"].map(|extension| Path::new(FOLDER).join(format!("{name}.{extension}")));
     for path in &paths {
         Picture { radiance: &radiance, layers: &[], irradiance: None, look }.save(path, &ExportOptions::default())?;

@@ -24,10 +24,11 @@ impl Lettering {
 
     /// The words, or as many of their first letters as fit into a width, and an ellipsis.
     pub fn shortened(&mut self, words: &str, width: u32) -> String {
-        if self.size(words)[0] <= width {
+        if words.chars().nth(width as usize).is_none() && self.size(words)[0] <= width {
             return words.into();
         }
-        let mut letters: Vec<char> = words.chars().collect();
+        // A letter takes a pixel at least: of a word without end the rest is not looked at.
+        let mut letters: Vec<char> = words.chars().take(width as usize).collect();
         while letters.pop().is_some() {
             let short = format!("{}…", letters.iter().collect::<String>().trim_end());
             if self.size(&short)[0] <= width {
@@ -59,9 +60,10 @@ impl Lettering {
         }
     }
 
+    /// One line, whatever the words hold.
     fn lay_out(&mut self, words: &str) -> std::sync::Arc<Galley> {
         let mut fonts = self.fonts.with_pixels_per_point(1.0);
-        fonts.layout_no_wrap(words.into(), self.font.clone(), Color32::WHITE)
+        fonts.layout_no_wrap(words.replace(char::is_control, " "), self.font.clone(), Color32::WHITE)
     }
 }
 
@@ -103,6 +105,15 @@ mod tests {
         let short = lettering.shortened("A long name", full / 2);
         assert!(short.starts_with('A') && short.ends_with('…') && lettering.size(&short)[0] <= full / 2, "{short}");
         assert_eq!(lettering.shortened("A", 0), "");
+    }
+
+    #[test]
+    fn words_are_one_line_and_soon_cut_whatever_they_hold() {
+        let mut lettering = Lettering::new(16.0);
+        assert_eq!(lettering.size("one\ntwo\r\u{85}three")[1], lettering.size("one")[1]);
+        let without_end = "w".repeat(1 << 20);
+        let short = lettering.shortened(&without_end, 200);
+        assert!(short.ends_with('…') && short.len() < 100, "{short}");
     }
 
     #[test]

@@ -6,6 +6,7 @@
 pub mod action;
 pub mod app;
 pub mod bake_cache;
+mod black;
 pub mod cli;
 pub mod compare;
 pub mod contact_sheet;

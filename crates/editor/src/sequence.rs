@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clerestory_transport::basis::LightBasis;
 
+use crate::black::{black_words, is_black};
 use crate::export::{ExportOptions, ImageFormat, Picture};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
@@ -13,6 +14,8 @@ use crate::stills::{Size, Stills};
 
 /// Most frames of a sequence.
 pub const MOST_FRAMES: u32 = 1_000_000;
+/// Most digits of the number of a frame: more than any number has, and far fewer than a name of a file may have.
+const MOST_DIGITS: usize = 64;
 
 /// Names of the files of a sequence: a path with `#` for the digits of the frame's number.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,13 +37,13 @@ impl Pattern {
     /// From a path such as `out/frame_####.png`.
     ///
     /// # Errors
-    /// If its name has no `#` or several groups of them, or ends in neither `.png` nor `.exr`.
+    /// If its name has no `#`, too many or several groups of them, or ends in neither `.png` nor `.exr`.
     pub fn new(path: &Path) -> Result<Pattern> {
         let format = ImageFormat::of(path)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let digits = name.chars().filter(|c| *c == '#').count();
         let run = "#".repeat(digits);
-        let Some((before, after)) = name.split_once(&run).filter(|_| digits > 0) else {
+        let Some((before, after)) = name.split_once(&run).filter(|_| (1..=MOST_DIGITS).contains(&digits)) else {
             bail!(
                 "cannot name frames by {}: write # for the digits of their number, in one place, such as frame_####.png",
                 path.display()
@@ -87,6 +90,34 @@ pub struct Sequence {
     pub options: ExportOptions,
 }
 
+/// What was written of a sequence.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Written {
+    /// Number of files: all, unless it was stopped.
+    pub n_frames: u32,
+    /// The first frame that is black although lights are on, and how many are.
+    black: Option<(u32, u32)>,
+}
+
+impl Written {
+    fn count(&mut self, frame: u32, is_black: bool) {
+        self.n_frames += 1;
+        if is_black {
+            let (first, n_black) = self.black.unwrap_or((frame, 0));
+            self.black = Some((first, n_black + 1));
+        }
+    }
+
+    /// What is said where frames are black although lights are on.
+    pub fn warning(&self) -> Option<String> {
+        let (first, n_black) = self.black?;
+        Some(match n_black {
+            1 => black_words(&format!("frame {first} is")),
+            _ => black_words(&format!("{n_black} of {} frames, from frame {first} on, are", self.n_frames)),
+        })
+    }
+}
+
 impl Sequence {
     /// The whole timeline of a look, or what is asked of it.
     ///
@@ -115,7 +146,7 @@ impl Sequence {
         self.frames.end() - self.frames.start() + 1
     }
 
-    /// Refuses to write over files that are read, and into folders that are not there.
+    /// Refuses to write over files that are read, and into folders that are not there or cannot be written.
     ///
     /// # Errors
     /// Names the file.
@@ -125,11 +156,11 @@ impl Sequence {
             bail!("cannot write frames: the folder {} does not exist; create it first", folder.display());
         }
         let existing = self.frames.clone().map(|frame| self.pattern.file(frame)).filter(|file| file.exists());
-        existing.into_iter().try_for_each(|file| spare_inputs(&file, inputs.iter().copied()))
+        existing.into_iter().try_for_each(|file| spare_inputs(&file, inputs.iter().copied()))?;
+        PendingFile::create(&self.pattern.file(*self.frames.start())).map(drop)
     }
 
-    /// Writes the frames in order and answers how many were written, all unless it was stopped. `on_frame` is told how many are
-    /// there.
+    /// Writes the frames in order and answers what was written. `on_frame` is told how many are there.
     ///
     /// # Errors
     /// A failing device, a picture that cannot be shown, a full disk.
@@ -139,11 +170,11 @@ impl Sequence {
         basis: &LightBasis,
         stop: &(dyn Fn() -> bool + Sync),
         on_frame: &mut dyn FnMut(u32),
-    ) -> Result<u32> {
-        let mut last = None;
-        for (n_written, frame) in (0..).zip(self.frames.clone()) {
+    ) -> Result<Written> {
+        let (mut last, mut written) = (None, Written::default());
+        for frame in self.frames.clone() {
             if stop() {
-                return Ok(n_written);
+                break;
             }
             let look = self.look.at(frame as f32 / self.fps, Some(basis));
             // Where nothing changes there is nothing to light.
@@ -152,23 +183,27 @@ impl Sequence {
                 Some(radiance) => radiance,
                 None => match stills.picture(&look, Size::Whole, stop)? {
                     Some(radiance) => radiance,
-                    None => return Ok(n_written),
+                    None => break,
                 },
             };
             let irradiance = match self.options.irradiance || look.shows_irradiance(self.pattern.format) {
                 true => stills.irradiance(&look, Size::Whole, stop)?,
                 false => None,
             };
+            if irradiance.is_none() && stop() {
+                break;
+            }
             let path = self.pattern.file(frame);
             let place = PendingFile::create(&path)?;
             let picture = Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };
             picture
                 .write(place, self.pattern.format, &self.options)
                 .with_context(|| format!("frame {frame} stopped the sequence"))?;
+            written.count(frame, is_black(&radiance, basis, &look.lights));
             last = Some((look.lights, radiance));
-            on_frame(n_written + 1);
+            on_frame(written.n_frames);
         }
-        Ok(self.n_frames())
+        Ok(written)
     }
 }
 
@@ -185,6 +220,8 @@ mod tests {
         for bad in ["out/frame.png", "a_##_#.png", "frame_####.jpg", "##"] {
             assert!(Pattern::new(Path::new(bad)).is_err(), "{bad}");
         }
+        // More digits than numbers can be written with.
+        assert!(Pattern::new(Path::new(&format!("{}.png", "#".repeat(1 << 17)))).is_err());
         assert!(Pattern::is_meant(Path::new("a#.exr")) && !Pattern::is_meant(Path::new("a#/b.exr")));
     }
 
@@ -203,6 +240,16 @@ mod tests {
     }
 
     #[test]
+    fn black_frames_are_counted_from_the_first_on() {
+        let mut written = Written::default();
+        [false, false, true].into_iter().zip(5..).for_each(|(is_black, frame)| written.count(frame, is_black));
+        assert!(written.warning().unwrap().starts_with("frame 7 is black: "));
+        written.count(8, true);
+        assert!(written.warning().unwrap().starts_with("2 of 4 frames, from frame 7 on, are black: "));
+        assert_eq!((Written::default().warning(), written.n_frames), (None, 4));
+    }
+
+    #[test]
     fn inputs_are_spared_by_every_frame() {
         let folder = tempfile::tempdir().unwrap();
         let input = folder.path().join("f03.exr");
@@ -218,5 +265,9 @@ mod tests {
         assert!(of("f##.exr").spare(&inputs).unwrap_err().to_string().contains("would overwrite the transport"));
         of("g##.exr").spare(&inputs).unwrap();
         assert!(of("none/g##.exr").spare(&inputs).is_err());
+        std::fs::create_dir(folder.path().join("h00.exr")).unwrap();
+        let said = of("h##.exr").spare(&inputs).unwrap_err().to_string();
+        assert!(said.contains("it is a folder"), "what cannot be written is known before anything is lit: {said}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing is left behind");
     }
 }

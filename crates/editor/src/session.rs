@@ -358,7 +358,9 @@ impl Session {
                 self.written(id);
                 notices.push(Notice::Said(words));
             }
-            Fact::Written(Err(words)) | Fact::Developed(Err(words)) => notices.push(Notice::Failed(words)),
+            Fact::Written(Err(words)) | Fact::Developed(Err(words)) | Fact::Warned(words) => {
+                notices.push(Notice::Failed(words));
+            }
             Fact::Foreseen(answer) => self.foreseen(id, answer),
             Fact::Developed(Ok(picture)) => notices.push(Notice::Developed(picture)),
             // Facts of a task that was stopped no longer count.

@@ -48,6 +48,12 @@ impl Stills {
         Stills { subject, graphics, relighter: None, backdrop: None, lamps: None }
     }
 
+    /// How large pictures of a size are.
+    pub fn film(&self, size: Size) -> Film {
+        let header = &self.subject.bake.header;
+        fitting(Film { width: header.width, height: header.height }, size)
+    }
+
     /// What multiplies.
     pub(crate) fn relighter(&self) -> Option<&Relighter> {
         self.relighter.as_ref()
@@ -59,9 +65,8 @@ impl Stills {
     /// # Errors
     /// A failing device.
     pub fn picture(&mut self, look: &Look, size: Size, stop: &(dyn Fn() -> bool + Sync)) -> Result<Option<Radiance>> {
-        let subject = self.subject.clone();
+        let (subject, film) = (self.subject.clone(), self.film(size));
         let header = &subject.bake.header;
-        let film = fitting(Film { width: header.width, height: header.height }, size);
         let backdrop = Backdrop::new(header, &look.lights);
         let is_same_sky = match (&self.backdrop, &backdrop) {
             (None, None) => true,
@@ -114,10 +119,9 @@ impl Stills {
         size: Size,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Result<Option<Radiance>> {
-        let subject = self.subject.clone();
+        let (subject, film) = (self.subject.clone(), self.film(size));
         let bake = &subject.bake;
         let Some(set) = bake.pixel_irradiance() else { return Ok(None) };
-        let film = fitting(Film { width: bake.header.width, height: bake.header.height }, size);
         let Some(light) = lamp_light(&mut self.lamps, &subject, (look, film), stop) else { return Ok(None) };
         let of_patches = light.as_ref().map_or(&[][..], |light| &light.of_patches);
         let whole = irradiance_of(bake, set, &look.lights, of_patches)?;
@@ -134,9 +138,7 @@ impl Stills {
         size: Size,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Option<Option<LampLight>> {
-        let subject = self.subject.clone();
-        let header = &subject.bake.header;
-        let film = fitting(Film { width: header.width, height: header.height }, size);
+        let (subject, film) = (self.subject.clone(), self.film(size));
         lamp_light(&mut self.lamps, &subject, (look, film), stop)
     }
 }

@@ -29,7 +29,7 @@ use crate::panels::lights::LightsState;
 use crate::panels::spots::key_step;
 use crate::session::{BakeState, Stage};
 use crate::theme;
-use compare::Compared;
+use compare::{Compared, Way};
 use gizmo::Sight;
 use handles::{Grab, PanelPicker};
 use marking::{Marking, marking_ui};
@@ -46,8 +46,10 @@ pub struct Viewed<'a> {
     pub bake: &'a BakeState,
     /// Whether the picture is a first look with few pixels.
     pub is_glimpse: bool,
-    /// Scene and camera of the picture, where they are known.
+    /// Scene and camera of the picture, where they are known and lights can be dragged in it.
     pub scene: Option<(&'a PreparedScene, &'a Camera)>,
+    /// Side of a comparison on which they can, 0 without one.
+    pub handled: usize,
     /// What its colors mean, where they are false.
     pub legend: Option<Legend>,
     /// Lines of equal illuminance in it.
@@ -119,10 +121,13 @@ pub fn viewport_ui(
     } else if viewed.legend.is_some_and(|legend| legend.isolux != Isolux::Off) && viewed.compared.is_none() {
         isolux::isolux_ui(ui, viewed.isolines, (area, image), [width, height]);
     }
+    let seen_from = compared_ui(ui, viewed, (&areas, &images), state.divider);
+    let handled = handled_picture(viewed, &responses, seen_from[0]);
     let film = Film { width, height };
-    let is_free = touch_ui(ui, response, (film, image), viewed, state, (look, lights), actions);
-    responses.iter().skip(1).for_each(|right| grab_picture(right, state));
-    let seen_from = compared_ui(ui, viewed, (&areas, &images), state);
+    let is_free = touch_ui(ui, (&responses, handled), (film, &images), viewed, state, (look, lights), actions);
+    if let Some(compared) = &viewed.compared {
+        compare::sides_ui(ui, compared, (&areas, &images), &mut state.divider);
+    }
     responses.iter().for_each(|response| zoom::paint_region(ui, response, state.grab.as_ref()));
     let plate = |(nth, picture)| {
         let grid = Grid { image: images[nth], size: [width, height] };
@@ -152,33 +157,63 @@ fn picture_of(ui: &mut Ui, area: Rect, name: &str) -> Response {
     response
 }
 
-/// What is done to marks, lamps and spots in the picture. Answers whether a click is about none of them.
+/// Number of the picture in which lights can be dragged, and the part of it where they are seen as they are now; `divider_x` parts
+/// the sides of one picture, points across.
+fn handled_picture(viewed: &Viewed, responses: &[Response], divider_x: f32) -> (usize, Rect) {
+    let nth = viewed.handled.min(responses.len() - 1);
+    let part = match viewed.compared.as_ref().map(|compared| compared.way) {
+        Some(Way::Wipe) if viewed.handled == 0 => Rect::everything_left_of(divider_x),
+        Some(Way::Wipe) => Rect::everything_right_of(divider_x),
+        Some(Way::SideBySide) | None => Rect::EVERYTHING,
+    };
+    (nth, responses[nth].rect.intersect(part))
+}
+
+/// What is done to marks, lamps and spots in the pictures. Answers whether a click is about none of them.
 fn touch_ui(
     ui: &mut Ui,
-    response: &Response,
-    (film, image): (Film, Rect),
+    (responses, (handled, part)): (&[Response], (usize, Rect)),
+    (film, images): (Film, &[Rect]),
     viewed: &Viewed,
     state: &mut ViewState,
     (look, lights): (&mut Look, &mut LightsState),
     actions: &mut Vec<Action>,
 ) -> bool {
-    if state.grab.is_none() && marking_ui(ui, response, image, film, &mut state.marking) {
-        // The pointer marks: lamps, spots and probes wait.
-        return false;
+    // While the pointer marks, which it does in the first picture, lamps, spots and probes wait.
+    let is_marking = state.grab.is_none() && marking_ui(ui, &responses[0], images[0], film, &mut state.marking);
+    let mut is_free = !is_marking;
+    for (nth, response) in responses.iter().enumerate().skip(usize::from(is_marking)) {
+        match viewed.scene.filter(|_| nth == handled && !is_marking) {
+            Some((scene, camera)) => {
+                let sight = Sight { scene, camera, film, image: images[nth] };
+                let seen = response.clone().with_new_rect(part);
+                is_free &= handles_ui(ui, &seen, &sight, state, (look, lights), actions);
+            }
+            None => grab_picture(response, state),
+        }
     }
-    let Some((scene, camera)) = viewed.scene else {
-        grab_picture(response, state);
-        return true;
-    };
+    is_free
+}
+
+/// What is done to lamps and spots in a picture, which are seen in the rectangle of its response. Answers whether a click is about none
+/// of them.
+fn handles_ui(
+    ui: &mut Ui,
+    response: &Response,
+    sight: &Sight,
+    state: &mut ViewState,
+    (look, lights): (&mut Look, &mut LightsState),
+    actions: &mut Vec<Action>,
+) -> bool {
+    let Sight { scene, camera, film, image } = *sight;
     let picker = PanelPicker { scene, camera, film, image };
-    let sight = Sight { scene, camera, film, image };
-    let mut is_free = !lamps::lamps_ui(ui, response, &sight, look, &mut lights.lamps, actions);
+    let mut is_free = !lamps::lamps_ui(ui, response, sight, look, &mut lights.lamps, actions);
     if !lights.lamps.aiming && lights.lamps.drag.is_none() {
-        is_free &= !names::marks_ui(ui, response, &sight, look, lights, actions);
+        is_free &= !names::marks_ui(ui, response, sight, look, lights, actions);
         if lights.lamps.pulled_at.is_none() {
             drag_spots(ui, response, &picker, state, look, &mut lights.spot);
         }
-        names::surface_hint(ui, response, &sight, look);
+        names::surface_hint(ui, response, sight, look);
     }
     picker.paint(&ui.painter_at(response.rect), look, lights.spot.as_ref());
     is_free
@@ -195,15 +230,14 @@ fn grab_picture(response: &Response, state: &mut ViewState) {
 }
 
 /// Draws what the picture is compared with. Answers from where on in each picture the side on the right is seen, points across.
-fn compared_ui(ui: &Ui, viewed: &Viewed, (areas, images): (&[Rect], &[Rect]), state: &mut ViewState) -> [f32; 2] {
+fn compared_ui(ui: &Ui, viewed: &Viewed, (areas, images): (&[Rect], &[Rect]), divider: f32) -> [f32; 2] {
     match (&viewed.compared, areas, images) {
-        (Some(compared), [left, right], [left_image, right_image]) => {
-            compare::beside_ui(ui, (compared, viewed.overlay), [*left, *right], [*left_image, *right_image]);
+        (Some(compared), [_, right], [_, image]) => {
+            compare::beside(ui, (compared, viewed.overlay), *right, *image);
             [f32::INFINITY, f32::NEG_INFINITY]
         }
         (Some(compared), [area, ..], [image, ..]) => {
-            let x = compare::wipe_ui(ui, (compared, viewed.overlay), *area, *image, &mut state.divider);
-            [x, f32::INFINITY]
+            [compare::behind(ui, (compared, viewed.overlay), *area, *image, divider), f32::INFINITY]
         }
         _ => [f32::INFINITY; 2],
     }
@@ -219,7 +253,7 @@ fn drag_spots(
     chosen: &mut Option<(String, usize)>,
 ) {
     if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
-        let press = ui.input(|input| input.pointer.press_origin());
+        let press = ui.input(|input| input.pointer.press_origin()).filter(|at| response.rect.contains(*at));
         state.grab = Some(press.and_then(|at| picker.grab(at, look)).unwrap_or(Grab::Picture));
     }
     if let Some(Grab::Spot { panel, idx }) = &state.grab {
@@ -232,13 +266,15 @@ fn drag_spots(
     }
     nudge_spot(ui, response, picker, look, chosen.as_ref());
     if response.double_clicked() {
-        match response.interact_pointer_pos().and_then(|at| picker.add(at, look)) {
+        let at = response.interact_pointer_pos().filter(|at| response.rect.contains(*at));
+        match at.and_then(|at| picker.add(at, look)) {
             Some(added) => *chosen = Some(added),
             None => state.zoom.fit(),
         }
     }
     let idle = state.grab.is_none();
-    if let Some(hint) = response.hover_pos().filter(|_| idle).and_then(|at| picker.hint(at, look)) {
+    let hovered = response.hover_pos().filter(|at| idle && response.rect.contains(*at));
+    if let Some(hint) = hovered.and_then(|at| picker.hint(at, look)) {
         ui.ctx().set_cursor_icon(CursorIcon::Grab);
         lamps::hint(ui, response.rect, &hint);
     }

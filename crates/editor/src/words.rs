@@ -13,10 +13,6 @@ pub fn in_words(error: &Error) -> String {
     sentences.join(": ")
 }
 
-/// Said of a picture of which nothing can be seen.
-pub(crate) const BLACK: &str = "the picture is black: no light reaches what the camera sees; see whether a lamp or the camera \
-    stands inside of something, or looks away";
-
 #[cfg(test)]
 mod tests {
     use super::*;

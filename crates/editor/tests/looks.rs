@@ -240,6 +240,22 @@ fn a_look_that_is_compared_or_faded_may_be_renamed() {
 }
 
 #[test]
+fn what_is_compared_and_faded_goes_on_when_a_name_is_taken_back() {
+    let mut window = two_looks();
+    click(&mut window, "Compare");
+    click(&mut window, "Cross-fade");
+    context_menu(&mut window, "Look Look", "Rename");
+    desk::type_over(&mut window, "Name of the look", "Day");
+    for (step, name) in [("Undo", "Look"), ("Redo", "Day"), ("Undo", "Look")] {
+        click(&mut window, step);
+        assert_eq!(names(&window), [name, "Look 2"], "{step}");
+        let chosen = |label: &str| window.get_by_label(label).accesskit_node().value().unwrap_or_default();
+        assert_eq!(["Left look", "Right look"].map(chosen), [name, "Now"], "{step}");
+        assert_eq!(["Fade from", "Fade to"].map(chosen), ["Look 2", name], "{step}");
+    }
+}
+
+#[test]
 fn a_look_with_a_file_is_saved_at_once_or_as_another() {
     let folder = tempfile::tempdir().unwrap();
     let [first, second] = ["first.look", "second.look"].map(|name| folder.path().join(name));
@@ -255,6 +271,21 @@ fn a_look_with_a_file_is_saved_at_once_or_as_another() {
     save_as(&mut window, "Save look as…", &second);
     assert!(std::fs::read_to_string(&first).unwrap().contains("muted"));
     assert!(!std::fs::read_to_string(&second).unwrap().contains("muted"));
+}
+
+#[test]
+fn a_document_that_is_full_of_looks_takes_no_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("full.look");
+    let looks: Vec<_> = (1..=500).map(|nth| serde_json::json!({ "name": format!("L{nth}") })).collect();
+    std::fs::write(&path, serde_json::json!({ "clerestory": 1, "looks": looks }).to_string()).unwrap();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path)));
+    wait(&mut window, |app| app.look().snapshots.len() == 500);
+    let is_full = |window: &Window| window.get_by_label("Keep look").accesskit_node().is_disabled();
+    assert!(is_full(&window), "a file with more could not be opened");
+    context_menu(&mut window, "Look L1", "Delete");
+    assert!(!is_full(&window));
 }
 
 #[test]
@@ -419,6 +450,50 @@ fn a_lamp_that_one_side_alone_has_is_counted_there() {
 }
 
 #[test]
+fn lights_have_handles_on_the_side_that_shows_them_as_they_are() {
+    const HANDLE: &str = "Move Point lamp 1 along X";
+    let mut window = baked();
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    wait(&mut window, |app| app.is_settled());
+    click(&mut window, "Keep look");
+    compare(&mut window);
+    // The lamp hangs in the middle, and the lights as they are now are right of the divider.
+    for (travel, is_there) in [(-150.0, true), (300.0, false), (-300.0, true)] {
+        let divider = area_of(&window, "Compare divider").center();
+        drag(&mut window, divider, divider + vec2(travel, 0.0));
+        assert_eq!(window.query_by_label(HANDLE).is_some(), is_there, "the divider went by {travel}");
+    }
+
+    click(&mut window, "Side by side");
+    let is_in = |window: &Window, picture: &str| area_of(window, picture).contains(area_of(window, HANDLE).center());
+    assert!(is_in(&window, "Picture on the right"));
+    let place = |window: &Window| {
+        let look = window.state().look();
+        [&look.lights, &look.snapshots[0].lights].map(|rig| rig.lamps[0].position)
+    };
+    let [before, kept] = place(&window);
+    let from = area_of(&window, HANDLE).center();
+    drag(&mut window, from, from + vec2(40.0, 0.0));
+    let [after, still] = place(&window);
+    assert!(after.x > before.x + 0.02 && still == kept, "{before} {after}");
+    click(&mut window, "Undo");
+    assert_eq!(place(&window), [before, kept], "one step");
+
+    let choose = |window: &mut Window, side: &str, look: &str| {
+        click(window, side);
+        click(window, look);
+        wait(window, |app| app.is_settled());
+        window.run_steps(4);
+    };
+    choose(&mut window, "Left look", "Now");
+    choose(&mut window, "Right look", "Look");
+    assert!(is_in(&window, "Picture"));
+    choose(&mut window, "Left look", "Look");
+    assert!(window.query_by_label(HANDLE).is_none(), "what was kept is not what is dragged");
+}
+
+#[test]
 fn the_picture_on_the_right_is_zoomed_and_moved_as_that_on_the_left() {
     let mut window = two_looks();
     compare(&mut window);
@@ -487,6 +562,10 @@ fn a_cross_fade_lights_the_scene_and_is_one_step_of_undo() {
     click(&mut window, "Undo");
     click(&mut window, "Undo");
     assert_eq!(window.state().look().lights, before.lights, "one drag is one step");
+    let share = |window: &Window| window.get_by_label("Share of the second look").accesskit_node().numeric_value();
+    assert_eq!(share(&window), Some(0.0), "the first look is on again");
+    click(&mut window, "Look Look 2");
+    assert_eq!(share(&window), Some(1.0));
 }
 
 #[test]
@@ -543,7 +622,7 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     window.run_steps(3);
     click(&mut window, "Cancel");
     ask_for(&mut window, "Export frames…", &folder.path().join("f_###.png"));
-    window.get_by_label_contains("49 files of these names are there");
+    assert!(window.query_by_label_contains("saving replaces them").is_none(), "nothing is replaced unasked");
     window.get_by_label("49 of 24 in a second");
     window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("f.png").display().to_string());
     window.run_steps(3);
@@ -577,6 +656,7 @@ fn replace_frames(window: &mut Window, path: &std::path::Path) {
         }
         window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
         window.run_steps(3);
+        window.get_by_label("Files of these names are there; saving asks whether to replace them");
         click(window, "Save");
         window.get_by_label_contains("Files named g_##.png are there");
         click(window, answer);

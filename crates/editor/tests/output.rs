@@ -20,7 +20,7 @@ use exr::meta::attribute::SampleType;
 use exr::prelude::{Compression, ReadChannels, ReadLayers};
 use serde_json::json;
 
-use desk::{Window, ask_for, baked, click, drag, open_with, quick, room, wait};
+use desk::{Window, ask_for, baked, click, drag, open_with, quick, room, save_as, wait};
 
 #[test]
 fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
@@ -191,6 +191,100 @@ fn a_file_that_is_there_is_not_replaced_before_somebody_says_so() {
     window.run_steps(3);
     click(&mut window, "Save");
     assert!(window.query_by_label("Path").is_none() && std::fs::read_to_string(&look).unwrap().contains("muted"));
+}
+
+/// Steps until something is said.
+#[track_caller]
+fn wait_for(window: &mut Window, words: &str) {
+    for _ in 0..2000 {
+        window.step();
+        if window.query_by_label_contains(words).is_some() {
+            return;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    panic!("nobody says “{words}”");
+}
+
+#[test]
+fn pictures_that_are_black_although_lights_are_on_are_told_whatever_they_are_written_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    // The lamp hangs outside of the room.
+    gltf["nodes"][1]["translation"] = json!([9, 9, 9]);
+    let source = Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() };
+    let mut window = open_with(source, quick(), None);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    click(&mut window, "Mute panel");
+    click(&mut window, "Mute lamp");
+    save_as(&mut window, "Export…", &folder.path().join("off.png"));
+    wait_for(&mut window, "Saved");
+    assert!(window.query_by_label_contains("is black").is_none(), "without a light nothing else was to be expected");
+    click(&mut window, "Mute lamp");
+    click(&mut window, "Keep look");
+    click(&mut window, "Timeline");
+    click(&mut window, "Add key");
+    click(&mut window, "Look");
+    let asked = [
+        ("Export…", "a.png", "the picture is black: no light reaches what the camera sees"),
+        ("Export frames…", "f_#.exr", "frame 0 is black: no light"),
+        ("Contact sheet…", "sheet.png", "the picture of Look is black: no light"),
+    ];
+    for (label, name, words) in asked {
+        save_as(&mut window, label, &folder.path().join(name));
+        wait_for(&mut window, words);
+    }
+}
+
+#[test]
+fn names_with_dots_and_signs_are_taken_as_they_are_and_frames_get_their_ending() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("room#1.gltf"), room()).unwrap();
+    let mut window = open_with(Source::File(at("room#1.gltf")), quick(), None);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    let typed = |window: &Window| window.get_by_label("Path").accesskit_node().value().unwrap();
+    let type_path = |window: &mut Window, path: &str| {
+        window.get_by_label("Path").set_text_value_accesskit(path);
+        window.run_steps(3);
+    };
+    let can_save = |window: &Window| !window.get_by_label("Save").accesskit_node().is_disabled();
+    click(&mut window, "Keep look");
+    click(&mut window, "Timeline");
+    click(&mut window, "Add key");
+    click(&mut window, "Look");
+    window.get_by_label("Frames per second").set_value_accesskit(23.976);
+    window.run_steps(3);
+    click(&mut window, "Export frames…");
+    window.get_by_label("1 of 23.976 in a second");
+    assert_eq!((typed(&window).as_str(), can_save(&window)), ("room-1_####.png", true), "one place for digits");
+    std::fs::write(at("f_07.png"), b"precious").unwrap();
+    type_path(&mut window, "f_##");
+    window.get_by_label("Files of these names are there; saving asks whether to replace them");
+    type_path(&mut window, "v1.2_##");
+    window.get_by_label_contains("end the name in .exr or .png");
+    assert!(!can_save(&window));
+    click(&mut window, "OpenEXR");
+    assert_eq!((typed(&window).as_str(), can_save(&window)), ("v1.2_##.exr", true));
+    click(&mut window, "PNG");
+    assert_eq!(typed(&window), "v1.2_##.png");
+    type_path(&mut window, "g_##");
+    click(&mut window, "Save");
+    wait(&mut window, |_| at("g_00.png").exists());
+
+    for (label, number) in [("Frames per second", 240.0), ("Time of the key", 86_400.0)] {
+        window.get_by_label(label).set_value_accesskit(number);
+        window.run_steps(3);
+    }
+    click(&mut window, "Export frames…");
+    window.get_by_label_contains("20736001 frames are more than the 1000000 that a sequence may have");
+    assert!(!can_save(&window));
+    click(&mut window, "Cancel");
+
+    std::fs::write(at("room#2.png"), b"precious").unwrap();
+    ask_for(&mut window, "Export…", &at("room#2"));
+    click(&mut window, "Save");
+    window.get_by_label("room#2.png is there. Saving replaces what it holds");
 }
 
 #[test]

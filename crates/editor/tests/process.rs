@@ -187,6 +187,17 @@ fn without_a_display_three_looks_become_frames() {
     assert!(said.contains("frames/") && said.contains("display"), "{said}");
 }
 
+#[test]
+fn without_a_display_frames_that_are_black_are_told() {
+    let folder = desk();
+    let mut room: serde_json::Value = serde_json::from_str(ROOM).unwrap();
+    // The lamp hangs outside of the closed room.
+    room["nodes"][1]["translation"] = serde_json::json!([9, 9, 9]);
+    std::fs::write(folder.path().join("dark.gltf"), room.to_string()).unwrap();
+    let told = answer(folder.path(), "dark.gltf")["warnings"].to_string();
+    assert!(told.contains("the picture of as-designed is black"), "{told}");
+}
+
 /// Some two dozen blocks.
 const SHORT_BAKE: &str = "bake room.gltf --size 96x64 --spp 48 --threads 1 -o";
 

@@ -360,6 +360,23 @@ fn a_view_of_another_shape_brings_its_film_and_undo_that_of_the_one_before() {
     window.key_press(Key::Escape);
     window.run_steps(3);
     assert_eq!(film(&window), Film { width: 48, height: 36 }, "and so has the view that is shown");
+
+    // A view that is baked brings it as well, from the list of them and from that of the cameras.
+    click(&mut window, "View");
+    click(&mut window, "wide");
+    bake_view(&mut window);
+    assert_eq!(film(&window), wide);
+    click(&mut window, "Show view door");
+    assert_eq!(film(&window), Film { width: 48, height: 36 });
+    click(&mut window, "View");
+    click(&mut window, "wide");
+    assert_eq!((film(&window), window.query_by_label("View of the camera").is_none()), (wide, true));
+    for (label, number) in [("Width", 60.0), ("Height", 60.0)] {
+        window.get_by_label(label).set_value_accesskit(number);
+        window.run_steps(3);
+    }
+    click(&mut window, "Show view door");
+    assert_eq!(film(&window), Film { width: 60, height: 60 }, "what was typed stays");
 }
 
 #[test]
@@ -404,6 +421,11 @@ fn a_bookmark_that_is_renamed_keeps_its_baked_view() {
     assert_eq!(taken_over(&window), 0);
     window.get_by_label("Name of the bookmark").set_text_value_accesskit("Door");
     window.run_steps(3);
+    for (step, name) in [("Undo", "Bookmark 1"), ("Redo", "Door")] {
+        click(&mut window, step);
+        assert_eq!(window.state().camera().unwrap().name, name, "{step}");
+        window.get_by_label("Name of the bookmark");
+    }
     reach(&mut window, "Start bake");
     let is_renamed = |app: &App| app.session().shown.as_ref().is_some_and(|shown| shown.header.camera == "Door");
     wait(&mut window, |app| is_renamed(app) && app.session().bake == BakeState::Done && app.is_settled());

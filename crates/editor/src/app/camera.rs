@@ -6,7 +6,7 @@ use eframe::egui::{self, Context, TextureHandle, TextureOptions, Ui};
 use eframe::{CreationContext, Storage};
 
 use super::App;
-use crate::look::numbered_name;
+use crate::look::{Look, numbered_name};
 use crate::panels::camera::{CameraEdit, CameraView, camera_ui};
 use crate::session::preview::{self, PreviewOrder, Previewer};
 use crate::session::views::sees_alike;
@@ -91,8 +91,8 @@ impl App {
     /// A view whose bake is shown is the present one.
     pub(super) fn adopt_view(&mut self) {
         let shown = self.session.shown.as_ref().and_then(|shown| shown.camera.clone());
-        if self.camera.camera.is_none() || !self.camera.is_moving {
-            self.camera.camera = shown.or_else(|| self.camera.camera.take());
+        if let Some(camera) = shown.filter(|_| self.camera.camera.is_none() || !self.camera.is_moving) {
+            self.see_from(camera);
         }
     }
 
@@ -123,26 +123,26 @@ impl App {
     }
 
     pub(super) fn put_camera_down(&mut self) {
-        let before = self.camera.camera.clone();
         self.camera.put_down();
         self.adopt_view();
-        self.fit_film(before.as_ref());
     }
 
-    /// The film has the shape of the view after another one, unless somebody typed a height, which stays; rounding makes none.
-    fn fit_film(&mut self, before: Option<&Camera>) {
-        let (film, Some(camera)) = (self.settings.film, self.camera.camera.as_ref()) else { return };
+    /// The present view is that of a camera. The film has its shape after that of the one before, unless somebody typed a height, which
+    /// stays; rounding makes none.
+    fn see_from(&mut self, camera: Camera) {
+        let (film, before) = (self.settings.film, self.camera.camera.as_ref());
         let is_typed = |height: u32| (film.height as f32 / height as f32 - 1.0).abs() > 0.01;
         let is_own = before.is_some_and(|before| is_typed(Film::of_width(film.width, before).height));
-        if self.fixed_settings.is_none() && !is_own {
-            self.settings.film = Film::of_width(film.width, camera);
+        let is_another = before.is_none_or(|before| before.aspect != camera.aspect);
+        if self.fixed_settings.is_none() && is_another && !is_own {
+            self.settings.film = Film::of_width(film.width, &camera);
         }
+        self.camera.camera = Some(camera);
     }
 
     /// Takes a camera in hand that looks from elsewhere than the one before.
     pub(super) fn take_in_hand(&mut self, camera: Camera) {
-        let before = self.camera.camera.replace(camera);
-        self.fit_film(before.as_ref());
+        self.see_from(camera);
         self.move_camera();
     }
 
@@ -150,8 +150,7 @@ impl App {
     pub(super) fn look_from(&mut self, camera: Camera) {
         if let (Some(id), false) = (self.session.view_of(&camera), self.camera.is_moving) {
             self.session.show_view(id);
-            self.camera.camera = Some(camera);
-            return;
+            return self.see_from(camera);
         }
         self.take_in_hand(camera);
     }
@@ -166,6 +165,15 @@ impl App {
     pub(super) fn name_view(&mut self, name: String) {
         if let Some(camera) = &mut self.camera.camera {
             camera.name = name;
+        }
+    }
+
+    /// Undo led here from another look: the view of a bookmark that is called otherwise now is called so, too.
+    pub(super) fn follow_bookmarks(&mut self, before: &Look) {
+        let pairs = before.bookmarks.iter().zip(&self.look.bookmarks);
+        let mut renamed = pairs.filter(|(old, new)| self.camera() == Some(*old) && sees_alike(old, new));
+        if let Some(name) = renamed.next().map(|(_, new)| new.name.clone()) {
+            self.name_view(name);
         }
     }
 

@@ -39,7 +39,8 @@ impl App {
             FileTask::SaveLook => own.as_ref().map_or_else(|| unused(".look"), |path| path.display().to_string()),
             FileTask::Export => unused(".png"),
             FileTask::SaveSheet => unused("-looks.png"),
-            FileTask::ExportFrames => unused("_####.png"),
+            // A name with # of its own has two places for digits.
+            FileTask::ExportFrames => unused_name(task, &folder, &stem.replace('#', "-"), "_####.png"),
             FileTask::ExportGltf => unused("-lit.glb"),
             FileTask::SaveBake => unused(".transport"),
         };

@@ -222,13 +222,14 @@ impl App {
         let (left, compared) = self.compared().unzip();
         let picture = self.follower.picture().map(|(texture, size)| (left.unwrap_or(texture), size));
         let sides = self.looks.compare.as_ref().filter(|_| compared.is_some()).map(|compare| &compare.sides);
-        let lit = (&self.follower, &self.prints);
+        let (lit, handled) = ((&self.follower, &self.prints), self.handled_side(compared.as_ref()));
         let viewed = Viewed {
             picture,
             stage: &self.session.stage,
             bake: &self.session.bake,
             is_glimpse: self.session.is_glimpse(),
-            scene: scene.zip(shown_camera).filter(|_| self.has_handles()),
+            scene: scene.zip(shown_camera).filter(|_| handled.is_some()),
+            handled: handled.unwrap_or_default(),
             legend: self.follower.legend(),
             isolines: self.isolux.lines(),
             compared,

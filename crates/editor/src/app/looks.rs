@@ -16,13 +16,13 @@ use crate::look::Look;
 use crate::output::spare_inputs;
 use crate::panels::looks::mix::{Compare, Side};
 use crate::panels::looks::timeline::toggle;
-use crate::panels::looks::{LooksView, looks_ui};
+use crate::panels::looks::{LooksView, in_row, looks_ui};
 use crate::sequence::{Pattern, Sequence};
 use crate::session::lamps::LampLight;
 use crate::session::prints::{Lit, PrintOrder, Printer, Slot};
 use crate::session::{Session, Shown, Wake};
 use crate::stills::{Size, Subject};
-use crate::viewport::compare::{Compared, Way};
+use crate::viewport::compare::Compared;
 use crate::words::in_words;
 
 /// Width of a thumbnail in pixels: as wide as a card at twice the usual scale.
@@ -204,13 +204,12 @@ impl App {
         }
     }
 
-    /// Whether what is dragged in the picture can be seen in it.
-    pub(super) fn has_handles(&self) -> bool {
-        let is_compared = self.looks.compare.as_ref().is_some_and(|compare| match compare.way {
-            Way::Wipe => !compare.sides.contains(&Side::Present),
-            Way::SideBySide => compare.sides[0] != Side::Present,
-        });
-        self.looks.player.playhead.is_none() && !is_compared
+    /// The side on which what is dragged can be seen: that of the lights as they are now, 0 where nothing is compared; none while a
+    /// moment of the timeline is looked at, or both sides are looks that were kept.
+    pub(super) fn handled_side(&self, compared: Option<&Compared>) -> Option<usize> {
+        let compare = self.looks.compare.as_ref().filter(|_| compared.is_some());
+        let side = compare.map_or(Some(0), |compare| compare.sides.iter().position(|side| *side == Side::Present));
+        side.filter(|_| self.looks.player.playhead.is_none())
     }
 
     /// The picture on the left of a comparison and what it is compared with, once both pictures are there.
@@ -221,7 +220,7 @@ impl App {
             Side::Snapshot(_) => self.prints.picture(&Slot::Side(idx)).map(|(texture, _)| texture),
         };
         let (left, right) = (texture(0)?, texture(1)?);
-        let names = [0, 1].map(|idx| compare.sides[idx].words().to_owned());
+        let names = [0, 1].map(|idx| in_row(compare.sides[idx].words()));
         Some((left, Compared { right, names, way: compare.way }))
     }
 

@@ -83,6 +83,8 @@ impl App {
         self.choices.sky = step.sky;
         if step.look != self.look {
             let before = std::mem::replace(&mut self.look, step.look);
+            self.looks.follow_names(&before, &self.look);
+            self.follow_bookmarks(&before);
             self.follow_file_of_look(before);
             self.prepare_chosen();
         } else if has_other_sky {

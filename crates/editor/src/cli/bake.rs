@@ -21,11 +21,11 @@ use super::console::{Answer, Console, advance, duration_words};
 use super::estimate;
 use super::reuse::Earlier;
 use super::view::{View, inputs_of, load_look, on_threads, open_view, requested_sky, spare_look};
+use crate::black::black_words;
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
 use crate::platform::memory_bytes;
 use crate::sizes::bytes_words;
-use crate::words::BLACK;
 
 /// What a bake took.
 #[derive(Clone, Copy, Debug, Default)]
@@ -52,7 +52,7 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
         (None, None) => bail!("name a scene, or a folder of pictures with --images"),
     };
     if args.scene.is_some() && bake.is_dark() {
-        console.warn(BLACK);
+        console.warn(&black_words("the picture is"));
     }
     let mut answer = baked(&bake, times, &args.options, console)?;
     if let Some(earlier) = earlier {

@@ -19,8 +19,7 @@ use super::interrupt::discarded;
 use super::lamps::{self, Arriving, DIRECT_LUX, LampLight};
 use super::sequence::sequence;
 use super::view::{
-    inputs_of, is_lit, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_black,
-    warn_of_unknown_lights,
+    inputs_of, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_black, warn_of_unknown_lights,
 };
 use super::{picture, sheet::sheet};
 use crate::export::layers::{FREE_LAMPS, LayerSet, layer_name};
@@ -31,7 +30,7 @@ use crate::output::{PendingFile, spare_inputs};
 use crate::platform::{may_have_gpu, memory_bytes};
 
 pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
-    if args.frames.are_meant(&args.options.output) {
+    if args.contact_sheet.is_empty() && args.frames.are_meant(&args.options.output) {
         return sequence(args, console);
     }
     spare_inputs(&args.options.output, [("transport", args.transport.as_path())])?;
@@ -133,10 +132,9 @@ impl Target {
         if has_lamps && bake.pixel_irradiance().is_some_and(|set| !bake.header.holds_patches(&bake.irradiance[set])) {
             console.warn(DIRECT_LUX);
         }
-        let Lit { radiance, relighter, relight_secs, coefficients } = lit;
+        let Lit { radiance, relighter, relight_secs, .. } = lit;
         relighter.warn_of_refusal(console);
-        let is_lit = is_lit(&bake.header.basis, coefficients.iter().flatten()) || !lamps.is_empty();
-        warn_of_black(&radiance, is_lit, console);
+        warn_of_black("the picture is", &radiance, (&bake.header.basis, &self.look.lights), console);
         let irradiance = irradiance.as_ref();
         let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look };
         let shown = picture.write(self.place, self.format, &self.options)?;

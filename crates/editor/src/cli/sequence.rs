@@ -115,10 +115,12 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     };
     let written = sequence.write(&mut stills, &header.basis, &|| interrupt.came(), &mut on_frame);
     console.end_progress();
-    let n_written = written?;
-    if n_written < n_frames {
+    let written = written?;
+    if written.n_frames < n_frames {
+        let n_written = written.n_frames;
         return Err(interrupt.stopped(format!("{n_written} of {n_frames} frames were written, each of them whole")));
     }
+    console.warn_all(written.warning());
     stills.relighter().into_iter().for_each(|relighter| relighter.warn_of_refusal(console));
     let device = stills.relighter().map_or_else(String::new, |relighter| format!(" on the {}", relighter.words()));
     let (secs, output) = (begun.elapsed().as_secs_f64(), options.output.display().to_string());

@@ -1,6 +1,6 @@
 //! `clerestory relight --contact-sheet`: one bake under several looks, side by side on one sheet.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
@@ -12,8 +12,8 @@ use super::console::{Answer, Console, duration_words};
 use super::lamps::{Arriving, LampLight, added_lux};
 use super::picture::options;
 use super::relight::{Lit, irradiance_for};
-use super::view::{load_look, spare_look, warn_of_unknown_lights};
-use crate::contact_sheet::{Print, write_sheet};
+use super::view::{load_look, spare_look, warn_of_black, warn_of_unknown_lights};
+use crate::contact_sheet::{Print, check_size, write_sheet};
 use crate::export::{ExportOptions, ImageFormat, Picture};
 use crate::look::Look;
 use crate::output::PendingFile;
@@ -31,17 +31,19 @@ pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer>
         bail!("a contact sheet has 8 bits per channel; leave out --bits");
     }
     let place = PendingFile::create(output)?;
-    let looks: Vec<(String, &Path, Look)> = args
-        .contact_sheet
+    let paths = &args.contact_sheet;
+    let looks: Vec<(String, &Path, Look)> = paths
         .iter()
         .map(|path| {
             let look = load_look(Some(path), console)?;
             spare_look(output, Some(path), &look)?;
-            Ok((caption(path), path.as_path(), look))
+            Ok((caption(path, paths), path.as_path(), look))
         })
         .collect::<Result<_>>()?;
     let bake = archive::read_within(memory_bytes(), &args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    let file = options.window([bake.header.width, bake.header.height])?;
+    check_size(looks.len(), [file.width, file.height])?;
     let graphics = super::relight::open_graphics(args.options.device)?;
     let begun = Instant::now();
     let (mut prints, mut told) = (Vec::new(), Vec::new());
@@ -51,6 +53,8 @@ pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer>
         let lamps = LampLight::of(&bake, &look, (Some(path), args.scene.as_deref()), quality, console)?;
         let lit = Lit::new(&bake, &look, &lamps, graphics.as_ref())?;
         lit.relighter.warn_of_refusal(console);
+        let which = format!("the picture of `{name}` is");
+        warn_of_black(&which, &lit.radiance, (&bake.header.basis, &look.lights), console);
         let irradiance = irradiance_for(&bake, &look, &added_lux(&lamps), format, &options)?;
         let picture = Picture { radiance: &lit.radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };
         let (picture, shown) =
@@ -68,7 +72,21 @@ pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer>
     Ok(Answer { json, words })
 }
 
-/// What stands under the picture of a look: its file's name.
-fn caption(path: &Path) -> String {
-    path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+/// What stands under the picture of a look: its file's name, with its folders where another look's is called the same.
+fn caption(path: &Path, all: &[PathBuf]) -> String {
+    let is_shared = all.iter().any(|other| other != path && other.file_stem() == path.file_stem());
+    let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+    if is_shared { path.with_extension("").display().to_string() } else { stem }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn looks_are_called_by_their_files_and_told_apart_by_their_folders() {
+        let all = ["a/day.look", "b/day.look", "b/night.look"].map(PathBuf::from);
+        let captions = all.each_ref().map(|path| caption(path, &all));
+        assert_eq!(captions, ["a/day", "b/day", "night"]);
+    }
 }

@@ -16,7 +16,7 @@ use super::interrupt::discarded;
 use super::lamps;
 use super::picture::{CutArgs, options};
 use super::view::{
-    inputs_of, is_lit, load_look, on_threads, open_view, or_of_file, requested_sky, spare_look, warn_of_black,
+    inputs_of, load_look, on_threads, open_view, or_of_file, requested_sky, spare_look, warn_of_black,
     warn_of_unknown_lights,
 };
 use crate::export::{ImageFormat, Picture};
@@ -63,7 +63,7 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let trace_secs = begun.elapsed().as_secs_f64();
 
     let radiance = Radiance { width: view.film.width, height: view.film.height, pixels };
-    warn_of_black(&radiance, is_lit(&view.scene.lighting.basis, &coefficients), console);
+    warn_of_black("the picture is", &radiance, (&view.scene.lighting.basis, &rig), console);
     let shown =
         Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look }.write(place, format, &options)?;
     let output = args.output.display().to_string();

@@ -6,11 +6,12 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use clerestory_relight::Radiance;
-use clerestory_transport::basis::{ColumnGroup, ColumnKind, LightBasis};
+use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::{Lighting, LightingError, PanelRequest, SkyRequest};
 use clerestory_transport::import::{self, Choice, Imported};
 use clerestory_transport::lamp_units::assume_unitless;
+use clerestory_transport::light::LightRig;
 use clerestory_transport::photometry::{PhotometricProfile, assign};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::{FacetScattering, Scene};
@@ -19,9 +20,9 @@ use clerestory_transport::stop::Stop;
 
 use super::args::{IesRequest, ViewArgs};
 use super::console::Console;
+use crate::black::{black_words, is_black};
 use crate::look::{Look, sky};
 use crate::output::spare_inputs;
-use crate::words::BLACK;
 
 /// Width of a picture whose size was not given.
 const DEFAULT_WIDTH_PX: u32 = 960;
@@ -213,20 +214,16 @@ pub(crate) fn warn_of_unknown_lights(basis: &LightBasis, look: &Look, console: &
     }
 }
 
-/// Says so where a picture is black although lights are on.
-pub(super) fn warn_of_black(radiance: &Radiance, is_lit: bool, console: &mut Console) {
-    if is_lit && radiance.pixels.as_flattened().iter().all(|value| *value == 0.0) {
-        console.warn(BLACK);
+/// Says so where a picture is black although lights are on, such as "the picture is".
+pub(crate) fn warn_of_black(
+    which: &str,
+    radiance: &Radiance,
+    (basis, rig): (&LightBasis, &LightRig),
+    console: &mut Console,
+) {
+    if is_black(radiance, basis, rig) {
+        console.warn(&black_words(which));
     }
-}
-
-/// Whether any light of a basis is on, given one coefficient per column. Unlit surfaces are no light.
-pub(super) fn is_lit<'a>(basis: &LightBasis, coefficients: impl IntoIterator<Item = &'a [f32; 3]>) -> bool {
-    let is_light = |column: u32| {
-        let is_unlit = |group: &ColumnGroup| group.kind == ColumnKind::Constant && group.columns.contains(&column);
-        !basis.groups.iter().any(is_unlit)
-    };
-    (0..).zip(coefficients).any(|(column, rgb)| rgb.iter().any(|value| *value > 0.0) && is_light(column))
 }
 
 /// Runs `work` on the given number of threads.
@@ -242,21 +239,9 @@ pub(crate) fn on_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T
 
 #[cfg(test)]
 mod tests {
-    use clerestory_transport::basis::{LightSource, SourceKind};
-    use clerestory_transport::light::{LightRig, LightSetting};
     use glam::Vec3;
 
     use super::*;
-
-    #[test]
-    fn unlit_surfaces_are_no_light_that_is_on() {
-        let source = |key: &str, kind| LightSource::plain(key, kind, 0..1);
-        let basis = LightBasis::new(vec![source("unlit", SourceKind::Constant), source("sky", SourceKind::Sky)]);
-        let mut rig = LightRig::default();
-        assert!(is_lit(&basis, &basis.project(&rig)));
-        rig.set("sky", LightSetting { muted: true, ..LightSetting::default() });
-        assert!(!is_lit(&basis, &basis.project(&rig)));
-    }
 
     #[test]
     fn a_camera_answers_to_its_name_before_its_number() {

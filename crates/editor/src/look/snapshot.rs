@@ -72,6 +72,11 @@ impl Look {
         }
     }
 
+    /// Whether a file holds so many more snapshots.
+    pub fn has_room(&self, n_more: usize) -> bool {
+        self.snapshots.len().saturating_add(n_more) <= MAX_SNAPSHOTS
+    }
+
     /// Keeps the present look under a new name that begins with `stem`.
     pub fn keep(&mut self, stem: &str) {
         let present = Snapshot { name: String::new(), lights: self.lights.clone(), display: self.display };
@@ -124,6 +129,7 @@ impl Look {
     pub fn duplicate(&mut self, idx: usize) {
         let Some(snapshot) = self.snapshots.get(idx) else { return };
         let stem = snapshot.name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end();
+        let stem = if stem.is_empty() { snapshot.name.as_str() } else { stem };
         let copy = Snapshot { name: self.free_name(stem), ..snapshot.clone() };
         self.snapshots.insert(idx.saturating_add(1), copy);
     }
@@ -252,5 +258,20 @@ mod tests {
         assert_eq!(names(&look), ["B", "Dawn", "Dawn 2"]);
         look.delete(1);
         assert_eq!((names(&look), look.on.as_deref(), look.timeline.keys.len()), (vec!["B", "Dawn 2"], None, 1));
+    }
+
+    #[test]
+    fn a_copy_of_a_number_has_a_name_and_there_are_as_many_looks_as_a_file_holds() {
+        let mut look = lit(1.5);
+        look.keep("2024");
+        look.duplicate(0);
+        assert_eq!(names(&look), ["2024", "2024 2"]);
+        while look.has_room(1) {
+            look.keep("Look");
+        }
+        let (again, warnings) = Look::from_json(&look.to_json()).unwrap();
+        assert_eq!((again.snapshots.len(), warnings.len()), (look.snapshots.len(), 0));
+        look.keep("Look");
+        assert!(Look::from_json(&look.to_json()).is_err());
     }
 }

@@ -76,6 +76,12 @@ impl Default for Timeline {
     }
 }
 
+/// The nearest time at which a key may be.
+#[expect(clippy::cast_possible_truncation, reason = "the ends of a day are whole seconds")]
+fn within_day(secs: f32) -> f32 {
+    secs.clamp(*SECS.start() as f32, *SECS.end() as f32)
+}
+
 impl Timeline {
     /// When the last key is, seconds.
     pub fn end_secs(&self) -> f32 {
@@ -94,6 +100,7 @@ impl Timeline {
 
     /// Adds a key and keeps the order; answers where it stands. One that is at the same time, to a tenth of a frame, gives way.
     pub fn add(&mut self, key: Key) -> usize {
+        let key = Key { secs: within_day(key.secs), ..key };
         let near = 0.1 / self.fps;
         self.keys.retain(|other| (other.secs - key.secs).abs() > near);
         let idx = self.keys.partition_point(|other| other.secs <= key.secs);
@@ -106,6 +113,7 @@ impl Timeline {
         if idx >= self.keys.len() {
             return idx;
         }
+        let secs = within_day(secs);
         let key = Key { secs, ..self.keys.remove(idx) };
         let idx = self.keys.partition_point(|other| other.secs <= secs);
         self.keys.insert(idx, key);
@@ -220,6 +228,16 @@ mod tests {
         look.timeline.add(Key { secs: 3.5, look: "B".into(), ease: Ease::Linear });
         assert_eq!(look.timeline.keys.iter().map(|key| key.secs).collect::<Vec<_>>(), [3.0, 3.5, 4.0]);
         assert_eq!(look.timeline.keys[1].look, "B", "the newer one of a time stays");
+    }
+
+    #[test]
+    fn keys_stay_within_what_a_file_may_say() {
+        let mut look = look();
+        look.timeline.add(Key { secs: 86_401.0, look: "A".into(), ease: Ease::Smooth });
+        look.timeline.add(Key { secs: -1.0, look: "B".into(), ease: Ease::Smooth });
+        look.timeline.move_to(0, f32::INFINITY);
+        assert_eq!(look.timeline.keys.iter().map(|key| key.secs).collect::<Vec<_>>(), [86_400.0; 2]);
+        assert_eq!(Look::from_json(&look.to_json()).unwrap().0, look);
     }
 
     #[test]

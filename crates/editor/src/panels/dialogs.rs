@@ -9,7 +9,6 @@ use std::time::Duration;
 use eframe::egui::{self, Button, Context, Key, Modal, RichText, TextEdit, Ui};
 
 use crate::action::{Action, FileTask};
-use crate::sequence::Pattern;
 use crate::theme;
 
 type Answer = Pin<Box<dyn Future<Output = Option<PathBuf>>>>;
@@ -126,7 +125,8 @@ impl FileQuestion {
         match ended {
             Ended::Chosen(path) if self.task.asks_more() => {
                 self.path = path.display().to_string();
-                self.agreed = Some(path);
+                // It knows nothing of the files that a name with # stands for.
+                self.agreed = Some(path).filter(|_| self.task != FileTask::ExportFrames);
                 None
             }
             Ended::Closed if self.task.asks_more() => None,
@@ -167,7 +167,7 @@ impl FileQuestion {
         above: impl FnOnce(&mut Ui, &mut String) -> Option<String>,
     ) -> Option<Option<PathBuf>> {
         if let Some(path) = &self.replaces {
-            return match replace_file_ui(ctx, path)? {
+            return match replace_file_ui(ctx, self.task, path)? {
                 ReplaceAnswer::Replace => Some(self.replaces.take()),
                 ReplaceAnswer::Elsewhere | ReplaceAnswer::Stay => {
                     (self.replaces, self.is_fresh) = (None, true);
@@ -203,7 +203,10 @@ impl FileQuestion {
         let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
         let (_, extensions) = self.task.extensions();
         let hint = match extensions {
-            _ if self.is_there() => "A file of this name is there; saving asks whether to replace it".into(),
+            _ if self.is_there() => match self.task {
+                FileTask::ExportFrames => "Files of these names are there; saving asks whether to replace them".into(),
+                _ => "A file of this name is there; saving asks whether to replace it".into(),
+            },
             [] => "A folder with one EXR, HDR, PNG or JPEG of the same view for each light".into(),
             endings => format!("Ends in .{}", endings.join(", .")),
         };
@@ -321,9 +324,9 @@ pub fn replace_ui(ctx: &Context, name: &str) -> Option<ReplaceAnswer> {
 }
 
 /// Asks before a file that is there, or the frames that a path names, are replaced.
-fn replace_file_ui(ctx: &Context, path: &Path) -> Option<ReplaceAnswer> {
+fn replace_file_ui(ctx: &Context, task: FileTask, path: &Path) -> Option<ReplaceAnswer> {
     let name = path.file_name().map_or_else(|| path.display().to_string(), |name| name.display().to_string());
-    let words = if Pattern::is_meant(path) {
+    let words = if task == FileTask::ExportFrames {
         format!("Files named {name} are there. Saving replaces those that have the number of a frame")
     } else {
         format!("{name} is there. Saving replaces what it holds")
@@ -432,6 +435,24 @@ mod tests {
         let wanted = ["less than a minute ago", "less than a minute ago", "1 minute ago", "2 minutes ago"];
         assert_eq!(told[..4], wanted);
         assert_eq!(told[4..], ["1 hour ago", "2 hours ago", "1 day ago", "3 days ago"]);
+    }
+
+    #[test]
+    fn frames_that_are_there_are_asked_about_although_the_desktop_did_not_see_them() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("f_03.png"), b"precious").unwrap();
+        let chosen = |task: FileTask, name: &str| {
+            let place = folder.path().join(name);
+            let mut question = FileQuestion::new(task, "", folder.path().into(), None, FileDialogs::FieldOnly);
+            question.native = Some(answering(place.to_str()));
+            assert_eq!(question.poll(&Context::default()), None, "more is asked");
+            question.chosen(question.place())
+        };
+        assert_eq!(chosen(FileTask::ExportFrames, "f_##.png"), None);
+        let free = folder.path().join("g_##.png");
+        assert_eq!(chosen(FileTask::ExportFrames, "g_##.png"), Some(free));
+        let agreed = folder.path().join("f_03.png");
+        assert_eq!(chosen(FileTask::Export, "f_03.png"), Some(agreed), "the desktop asked itself");
     }
 
     #[test]

@@ -1,17 +1,16 @@
 //! What is asked about a picture file beside its name.
 
 use std::ops::RangeInclusive;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use eframe::egui::{self, Button, ComboBox, RichText, Ui};
 
 use super::number::{Number, before_drag};
-use crate::action::Action;
+use crate::action::{Action, FileTask};
 use crate::export::ImageFormat;
 use crate::export::layers::LayerSet;
 use crate::export::options::{ExportOptions, ExrCompression, ExrSamples, PngDepth, Region};
-use crate::legend::number_words;
-use crate::sequence::Pattern;
+use crate::sequence::{MOST_FRAMES, Pattern};
 
 /// What the questions are about.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,7 +36,8 @@ pub fn export_ui(
     view: &ExportView,
     actions: &mut Vec<Action>,
 ) -> Option<String> {
-    let format = ImageFormat::of(Path::new(path.trim())).ok();
+    let written = ImageFormat::of(&whole(FileTask::Export, path));
+    let format = written.as_ref().ok().copied();
     egui::Grid::new("export").num_columns(2).spacing([14.0, 7.0]).show(ui, |ui| {
         ui.label("Format");
         ui.horizontal(|ui| format_ui(ui, path, format));
@@ -66,13 +66,16 @@ pub fn export_ui(
         actions.push(Action::CopyImage);
     }
     ui.add_space(6.0);
-    options.window(view.baked).err().map(|error| error.to_string())
+    let unnamed = written.err().filter(|_| !path.trim().is_empty());
+    unnamed.or(options.window(view.baked).err()).map(|error| error.to_string())
 }
 
-/// Most frames that are looked for before they are written.
-const MOST_LOOKED_FOR: usize = 2000;
+/// The file that is meant by what was typed.
+fn whole(task: FileTask, path: &str) -> PathBuf {
+    task.whole(PathBuf::from(path.trim()))
+}
 
-/// Asks how frames are written; says how many there will be, and how many files they replace.
+/// Asks how frames are written, and says how many there will be. Answers what is wrong, in words.
 pub fn frames_ui(
     ui: &mut Ui,
     path: &mut String,
@@ -80,10 +83,12 @@ pub fn frames_ui(
     view: &ExportView,
     (frames, fps): (RangeInclusive<u32>, f32),
 ) -> Option<String> {
-    let format = ImageFormat::of(Path::new(path.trim())).ok();
+    let meant = whole(FileTask::ExportFrames, path);
+    let format = ImageFormat::of(&meant).ok();
+    let n_frames = frames.end() - frames.start() + 1;
     egui::Grid::new("frames").num_columns(2).spacing([14.0, 7.0]).show(ui, |ui| {
         ui.label("Frames");
-        ui.label(format!("{} of {} in a second", frames.end() - frames.start() + 1, number_words(fps)));
+        ui.label(format!("{n_frames} of {fps} in a second"));
         ui.end_row();
         ui.label("Format");
         ui.horizontal(|ui| format_ui(ui, path, format));
@@ -101,16 +106,14 @@ pub fn frames_ui(
         view_row(ui, options, view);
     });
     ui.add_space(4.0);
-    let pattern = match Pattern::new(Path::new(path.trim())) {
-        Ok(pattern) => pattern,
-        Err(error) => return Some(error.to_string()),
-    };
-    let there = frames.take(MOST_LOOKED_FOR).filter(|frame| pattern.file(*frame).exists()).count();
-    if there > 0 {
-        let words = format!("{there} files of these names are there; saving replaces them");
-        ui.colored_label(ui.visuals().warn_fg_color, words);
+    if n_frames > MOST_FRAMES {
+        return Some(format!(
+            "{n_frames} frames are more than the {MOST_FRAMES} that a sequence may have; put the last key earlier, or take fewer \
+             in a second"
+        ));
     }
-    options.window(view.baked).err().map(|error| error.to_string())
+    let unnamed = Pattern::new(&meant).err().filter(|_| !path.trim().is_empty());
+    unnamed.or(options.window(view.baked).err()).map(|error| error.to_string())
 }
 
 fn format_ui(ui: &mut Ui, path: &mut String, format: Option<ImageFormat>) {
@@ -120,7 +123,12 @@ fn format_ui(ui: &mut Ui, path: &mut String, format: Option<ImageFormat>) {
     ];
     for (choice, name, ending, hint) in choices {
         if ui.radio(format == Some(choice), name).on_hover_text(hint).clicked() {
-            *path = Path::new(path.trim()).with_extension(ending).display().to_string();
+            // What stands behind another dot is a part of the name.
+            let stem = match format {
+                Some(_) => Path::new(path.trim()).with_extension("").display().to_string(),
+                None => path.trim().to_owned(),
+            };
+            *path = format!("{stem}.{ending}");
         }
     }
 }

@@ -43,6 +43,27 @@ impl LooksState {
             new.clone_into(mention);
         }
     }
+
+    /// One look took the place of another: what is compared and faded stays where no more than a name is new.
+    pub fn follow_names(&mut self, before: &Look, after: &Look) {
+        let pairs = before.snapshots.iter().zip(&after.snapshots);
+        for (old, new) in pairs.filter(|(old, new)| (&old.lights, &old.display) == (&new.lights, &new.display)) {
+            if after.snapshot(&old.name).is_none() && before.snapshot(&new.name).is_none() {
+                self.follow_name(&old.name, &new.name);
+            }
+        }
+    }
+}
+
+/// Said where a document holds as many looks as it can.
+const FULL: &str = "There are as many looks as a file holds; delete one first";
+/// Letters of a name that a row has room for.
+const MOST_LETTERS: usize = 40;
+
+/// A name as a row shows it: on one line, without its end where it is long.
+pub fn in_row(name: &str) -> String {
+    let cut = name.char_indices().nth(MOST_LETTERS).map(|(end, _)| format!("{}…", name[..end].trim_end()));
+    cut.unwrap_or_else(|| name.to_owned()).replace(char::is_control, " ")
 }
 
 /// What the strip needs to know.
@@ -102,10 +123,11 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView
         ui.label(RichText::new("Looks").heading().strong());
         ui.add_space(6.0);
         let hint = "Keep the lights and the display as they are now under a name";
-        if ui.button("Keep look").on_hover_text(hint).clicked() {
+        let keep = ui.add_enabled(look.has_room(1), Button::new("Keep look")).on_hover_text(hint);
+        if keep.on_disabled_hover_text(FULL).clicked() {
             look.keep("Look");
         }
-        ui.add_enabled_ui(view.basis.is_some(), |ui| {
+        ui.add_enabled_ui(view.basis.is_some() && look.has_room(Preset::ALL.len()), |ui| {
             ui.menu_button("Presets", |ui| presets_menu(ui, look, view.basis))
                 .response
                 .on_hover_text("Looks made of what the scene has");
@@ -185,5 +207,18 @@ fn drop_ui(ui: &Ui, look: &mut Look, state: &mut LooksState, centers: &[f32]) {
     if ui.input(|input| input.pointer.any_released() || !input.pointer.any_down()) {
         state.dragged = None;
         look.reorder(from, to);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_looks_take_one_line_of_a_row_and_no_more() {
+        assert_eq!(in_row("Evening, with guests"), "Evening, with guests");
+        assert_eq!(in_row("a/b\nc\td"), "a/b c d");
+        let long = in_row(&"é ".repeat(1 << 16));
+        assert!(long.ends_with("é…") && long.chars().count() <= MOST_LETTERS + 1, "{long}");
     }
 }

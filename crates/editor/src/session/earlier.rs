@@ -4,7 +4,7 @@ use clerestory_transport::bake::{Bake, BakeHeader};
 use clerestory_transport::figures::Figures;
 
 use super::{Session, Source};
-use crate::words::BLACK;
+use crate::black::black_words;
 
 impl Session {
     /// Where what is open came from.
@@ -40,7 +40,7 @@ impl Session {
 pub(super) fn baked_words(bake: &Bake, figures: &Figures) -> String {
     let baked = format!("Baked at {:.1} dB", figures.error_db.total);
     if bake.is_dark() {
-        return format!("{baked}; {BLACK}");
+        return format!("{baked}; {}", black_words("the picture is"));
     }
     match figures.skipped.reused_columns {
         0 => baked,

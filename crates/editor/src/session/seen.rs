@@ -10,6 +10,7 @@ use eframe::egui::{Color32, ColorImage};
 use glam::Vec3;
 
 use super::lamps::{LampLight, LampPart, StillLamps};
+use crate::black::{black_words, is_black};
 use crate::cli::relight::{frame_of, irradiance_for};
 use crate::export::layers::{FREE_LAMPS, LayerSet, layer_name};
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
@@ -41,8 +42,8 @@ impl Seen {
         Seen { bake, coefficients, look, light }
     }
 
-    /// Writes it.
-    pub fn save(&self, path: &Path, options: &ExportOptions) -> Result<()> {
+    /// Writes it. Answers with what is said where it is black although lights are on.
+    pub fn save(&self, path: &Path, options: &ExportOptions) -> Result<Option<String>> {
         let format = ImageFormat::of(path)?;
         let (mut relighter, radiance) = self.relit()?;
         let set = if options.asks_layers(format) { options.layers } else { LayerSet::None };
@@ -52,7 +53,8 @@ impl Seen {
         let picture =
             Picture { radiance: &radiance, layers: &layers, irradiance: irradiance.as_ref(), look: &self.look };
         picture.save(path, options)?;
-        Ok(())
+        let is_black = is_black(&radiance, &self.bake.header.basis, &self.look.lights);
+        Ok(is_black.then(|| black_words("the picture is")))
     }
 
     /// The picture as it is shown, for the clipboard.

@@ -2,17 +2,17 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
 
 use anyhow::{Result, ensure};
+use clerestory_transport::camera::Film;
 
-use super::task::{Fact, Post};
-use crate::contact_sheet::{Print, write_sheet};
+use super::task::Post;
+use crate::black::{black_words, is_black};
+use crate::contact_sheet::{Print, check_size, write_sheet};
 use crate::export::{ExportOptions, ImageFormat, Picture};
 use crate::look::snapshot::Snapshot;
 use crate::output::PendingFile;
 use crate::stills::{Size, Stills, Subject};
-use crate::words::in_words;
 
 /// Widest picture on a sheet, pixels.
 const WIDTH_PX: u32 = 960;
@@ -20,33 +20,47 @@ const WIDTH_PX: u32 = 960;
 /// Writes the sheet and says so, unless it is no longer wanted.
 pub(super) fn write(snapshots: &[Snapshot], subject: Subject, path: &Path, post: &Post) {
     let written = sheet(snapshots, subject, path, &|| !post.is_wanted());
-    let words = written.map(|n| match n {
-        Some(n) => format!("Saved {n} looks on {}", path.display()),
-        None => format!("{} was not saved", path.display()),
-    });
-    let _ = post.send(Fact::Written(words.map_err(|error| in_words(&error))), Duration::ZERO);
+    post.written(written.map(|black| match black {
+        Some(black) => (format!("Saved {} looks on {}", snapshots.len(), path.display()), warning(&black)),
+        None => (format!("{} was not saved", path.display()), None),
+    }));
 }
 
-/// Number of looks that are on the sheet; `None` if it was stopped.
-fn sheet(
-    snapshots: &[Snapshot],
+/// Names of the looks whose pictures are black although lights are on; `None` if it was stopped.
+fn sheet<'a>(
+    snapshots: &'a [Snapshot],
     subject: Subject,
     path: &Path,
     stop: &(dyn Fn() -> bool + Sync),
-) -> Result<Option<usize>> {
+) -> Result<Option<Vec<&'a str>>> {
     ensure!(ImageFormat::of(path)? == ImageFormat::Png, "a contact sheet is a .png; change the name of the file");
     let place = PendingFile::create(path)?;
+    let (header, size) = (subject.bake.header.clone(), Size::Within(WIDTH_PX));
     let mut stills = Stills::new(Arc::new(subject), None);
-    let mut prints = Vec::new();
+    let Film { width, height } = stills.film(size);
+    check_size(snapshots.len(), [width, height])?;
+    let (mut prints, mut black) = (Vec::new(), Vec::new());
     for snapshot in snapshots {
-        let (mut look, size) = (snapshot.look(), Size::Within(WIDTH_PX));
+        let mut look = snapshot.look();
         let (irradiance, display) = stills.arriving(&look, size, stop)?;
         look.display = display;
         let Some(radiance) = stills.picture(&look, size, stop)? else { return Ok(None) };
         let picture = Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };
         let (picture, _) = picture.developed(&ExportOptions::default())?;
         prints.push(Print { name: snapshot.name.clone(), picture });
+        if is_black(&radiance, &header.basis, &look.lights) {
+            black.push(snapshot.name.as_str());
+        }
     }
     write_sheet(&prints, place)?;
-    Ok(Some(prints.len()))
+    Ok(Some(black))
+}
+
+/// What is said of looks whose pictures are black.
+fn warning(black: &[&str]) -> Option<String> {
+    match black {
+        [] => None,
+        [name] => Some(black_words(&format!("the picture of {name} is"))),
+        names => Some(black_words(&format!("the pictures of {} are", names.join(", ")))),
+    }
 }

@@ -32,7 +32,7 @@ use crate::export_gltf::Lit;
 use crate::headless::GALLERY;
 use crate::look::Look;
 use crate::platform::{memory_bytes, step_back};
-use crate::sequence::Sequence;
+use crate::sequence::{Sequence, Written};
 use crate::stills::{Stills, Subject};
 use crate::words::in_words;
 
@@ -123,6 +123,8 @@ pub(super) enum Fact {
     Frame(u32),
     /// A file was written, or why not.
     Written(Result<String, String>),
+    /// What was written is hardly what was meant, in words.
+    Warned(String),
     /// What a bake will take.
     Foreseen(Forecast),
     /// A picture for the clipboard, or why there is none.
@@ -155,6 +157,17 @@ impl Post {
         }
         (self.wake)(soon);
         ControlFlow::Continue(())
+    }
+
+    /// Tells of a file that was written, with a warning about it if there is one, or why it was not.
+    pub fn written(&self, result: Result<(String, Option<String>)>) {
+        let (result, warning) = match result {
+            Ok((words, warning)) => (Ok(words), warning),
+            Err(error) => (Err(in_words(&error)), None),
+        };
+        for fact in [Fact::Written(result)].into_iter().chain(warning.map(Fact::Warned)) {
+            let _ = self.send(fact, Duration::ZERO);
+        }
     }
 }
 
@@ -411,10 +424,9 @@ pub(super) fn write_frames(sequence: &Sequence, subject: Subject, post: &Post) {
     };
     let written = sequence.write(&mut stills, &header.basis, &|| !post.is_wanted(), &mut on_frame);
     let last = sequence.pattern.file(*sequence.frames.end());
-    let words = |n: u32| match n == n_frames {
-        true => format!("Saved {n} frames up to {}", last.display()),
-        false => format!("{n} of {n_frames} frames were saved"),
+    let words = |written: Written| match written.n_frames {
+        n if n == n_frames => format!("Saved {n} frames up to {}", last.display()),
+        n => format!("{n} of {n_frames} frames were saved"),
     };
-    let result = written.map(words).map_err(|error| in_words(&error));
-    let _ = post.send(Fact::Written(result), Duration::ZERO);
+    post.written(written.map(|written| (words(written), written.warning())));
 }

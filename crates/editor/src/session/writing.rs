@@ -71,7 +71,10 @@ impl Session {
     pub fn save_bake(&mut self, path: PathBuf) {
         let Some(shown) = &self.shown else { return };
         let (bake, header) = (shown.bake(), shown.header.clone());
-        let task = self.write(path.clone(), move || Ok(archive::write(&bake, &path)?));
+        let task = self.write(path.clone(), move || {
+            archive::write(&bake, &path)?;
+            Ok(None)
+        });
         self.saving = task.map(|task| (task, header));
     }
 
@@ -94,15 +97,14 @@ impl Session {
         self.bake.is_running() && self.opened.as_ref().is_some_and(|opened| opened.stack.is_some())
     }
 
-    /// Answers with the number of the task.
+    /// Does what writes a file, and says a warning about it where there is one. Answers with the number of the task.
     pub(super) fn write(
         &mut self,
         path: PathBuf,
-        job: impl FnOnce() -> anyhow::Result<()> + Send + 'static,
+        job: impl FnOnce() -> anyhow::Result<Option<String>> + Send + 'static,
     ) -> Option<u64> {
         let task = self.spawn("write", move |post| {
-            let result = job().map(|()| format!("Saved {}", path.display())).map_err(|error| in_words(&error));
-            let _ = post.send(Fact::Written(result), Duration::ZERO);
+            post.written(job().map(|warning| (format!("Saved {}", path.display()), warning)));
         });
         let id = task.as_ref().map(Task::id);
         self.others.extend(task);

@@ -47,56 +47,76 @@ pub fn areas(area: Rect, compared: Option<&Compared>) -> Vec<Rect> {
     vec![left, right]
 }
 
-/// Draws the picture on the right beside the left one, under the map of colors that the left one has, and a name on each. `areas` hold
-/// the pictures' places, `images` the pictures.
-pub fn beside_ui(ui: &Ui, (compared, overlay): (&Compared, Option<Overlay>), areas: [Rect; 2], images: [Rect; 2]) {
-    let painter = ui.painter_at(areas[1]);
-    painter.image(compared.right, images[1], WHOLE, Color32::WHITE);
+/// Draws the picture on the right beside the left one, under the map of colors that the left one has.
+pub fn beside(ui: &Ui, (compared, overlay): (&Compared, Option<Overlay>), area: Rect, image: Rect) {
+    let painter = ui.painter_at(area);
+    painter.image(compared.right, image, WHOLE, Color32::WHITE);
     if let Some(overlay) = overlay {
-        overlay.paint(&painter, images[1]);
-    }
-    for ((area, image), words) in areas.into_iter().zip(images).zip(&compared.names) {
-        name(ui, area.intersect(image), words, Align2::LEFT_BOTTOM);
+        overlay.paint(&painter, image);
     }
 }
 
-/// Draws what is right of the divider, under the map of colors that the left has, and the divider. `offset` is its way from the middle,
-/// in widths of the picture. Answers where it stands, points across.
-pub fn wipe_ui(
-    ui: &Ui,
-    (compared, overlay): (&Compared, Option<Overlay>),
-    area: Rect,
-    image: Rect,
-    offset: &mut f32,
-) -> f32 {
+/// Draws what is right of the divider over the left picture, under the map of colors that this has. `offset` is the way of the divider
+/// from the middle, in widths of the picture. Answers where it stands, points across; at no place where nothing is seen.
+pub fn behind(ui: &Ui, (compared, overlay): (&Compared, Option<Overlay>), area: Rect, image: Rect, offset: f32) -> f32 {
     let seen = image.intersect(area);
     if !seen.is_positive() {
         return f32::INFINITY;
     }
-    let at = |offset: f32| (image.center().x + offset * image.width()).clamp(seen.left(), seen.right());
-    let x = at(*offset);
+    let x = divider_x(seen, image, offset);
+    let share = (x - image.left()) / image.width();
+    let right = Rect::from_min_max(pos2(x, image.top()), image.max);
+    let painter = ui.painter_at(area);
+    painter.image(compared.right, right, Rect::from_min_max(pos2(share, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+    if let Some(overlay) = overlay {
+        overlay.paint(&ui.painter_at(right.intersect(area)), image);
+    }
+    x
+}
+
+fn divider_x(seen: Rect, image: Rect, offset: f32) -> f32 {
+    (image.center().x + offset * image.width()).clamp(seen.left(), seen.right())
+}
+
+/// Draws a name on each side, and the divider where there is one, which can be dragged.
+pub fn sides_ui(ui: &Ui, compared: &Compared, (areas, images): (&[Rect], &[Rect]), offset: &mut f32) {
+    let [left, right] = &compared.names;
+    if let ([area], [image]) = (areas, images) {
+        let seen = image.intersect(*area);
+        if seen.is_positive() {
+            divider_ui(ui, (*area, seen), *image, offset);
+            name(ui, seen, left, Align2::LEFT_BOTTOM);
+            name(ui, seen, right, Align2::RIGHT_BOTTOM);
+        }
+        return;
+    }
+    for ((area, image), words) in areas.iter().zip(images).zip([left, right]) {
+        name(ui, area.intersect(*image), words, Align2::LEFT_BOTTOM);
+    }
+}
+
+fn divider_ui(ui: &Ui, (area, seen): (Rect, Rect), image: Rect, offset: &mut f32) {
+    let before = *offset;
+    let x = divider_x(seen, image, before);
     let handle = Rect::from_center_size(pos2(x, seen.center().y), vec2(REACH, seen.height()));
     let response =
         ui.interact(handle, ui.scope_id().with("divider"), Sense::drag() | Sense::focusable_noninteractive());
-    let percent = f64::from(100.0 * (0.5 + *offset)).round();
+    let percent = f64::from(100.0 * (0.5 + before)).round();
     response.widget_info(|| egui::WidgetInfo::slider(true, percent, "Compare divider"));
     if let Some(pointer) = response.interact_pointer_pos() {
         *offset = ((pointer.x - image.center().x) / image.width()).clamp(-0.5, 0.5);
     }
     *offset = (*offset + arrows(ui, &response, FINE).x * KEY_STEP).clamp(-0.5, 0.5);
+    if *offset != before {
+        // What lies on both of its sides was drawn already.
+        ui.ctx().request_repaint();
+    }
     if response.hovered() || response.dragged() {
         ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
     }
-    let x = at(*offset);
-    let share = (x - image.left()) / image.width();
-    let painter = ui.painter_at(area);
-    let right = Rect::from_min_max(pos2(x, image.top()), image.max);
-    painter.image(compared.right, right, Rect::from_min_max(pos2(share, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
-    if let Some(overlay) = overlay {
-        overlay.paint(&ui.painter_at(right.intersect(area)), image);
-    }
     let is_held = response.hovered() || response.dragged() || response.has_focus();
     let color = if is_held { theme::ACCENT } else { Color32::WHITE };
+    let painter = ui.painter_at(area);
     painter.vline(x, seen.y_range(), Stroke::new(3.5, Color32::from_black_alpha(110)));
     painter.vline(x, seen.y_range(), Stroke::new(1.5, color));
     painter.circle(pos2(x, seen.center().y), 9.0, Color32::from_black_alpha(150), Stroke::new(1.5, color));
@@ -106,9 +126,6 @@ pub fn wipe_ui(
         let corners = vec![tip, tip + back + vec2(0.0, 3.5), tip + back - vec2(0.0, 3.5)];
         painter.add(Shape::convex_polygon(corners, color, Stroke::NONE));
     }
-    name(ui, seen, &compared.names[0], Align2::LEFT_BOTTOM);
-    name(ui, seen, &compared.names[1], Align2::RIGHT_BOTTOM);
-    x
 }
 
 /// The name of a picture in its lower corner.

@@ -187,7 +187,9 @@ impl PanelPicker<'_> {
                 let [u, v] = spot.position.map(|at| 100.0 * at);
                 let words = format!("{}, spot {} at {u:.0} %, {v:.0} %", look.name_of(key), idx + 1);
                 let place = Rect::from_center_size(center, vec2(2.0, 2.0) * HANDLE_RADIUS);
-                tell(painter.ctx(), Id::unique(("spot in the picture", key, idx)), (Role::Mark, &words), place);
+                if painter.clip_rect().contains(center) {
+                    tell(painter.ctx(), Id::unique(("spot in the picture", key, idx)), (Role::Mark, &words), place);
+                }
             }
         }
     }

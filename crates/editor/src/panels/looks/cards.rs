@@ -6,7 +6,7 @@ use eframe::egui::{
     vec2,
 };
 
-use super::{LooksState, LooksView};
+use super::{FULL, LooksState, LooksView, in_row};
 use crate::action::Action;
 use crate::look::Look;
 use crate::look::snapshot::Mark;
@@ -42,7 +42,7 @@ pub(super) fn card_ui(
     if state.renaming.as_ref().is_some_and(|(renamed, _)| *renamed == idx) {
         rename_ui(ui, name_rect, look, state);
     } else {
-        let words = if mark == Mark::Changed { format!("{name} •") } else { name.clone() };
+        let words = format!("{}{}", in_row(&name), if mark == Mark::Changed { " •" } else { "" });
         let color = if mark == Mark::Off { ui.visuals().text_color() } else { theme::accent_text(ui) };
         let painter = ui.painter().with_clip_rect(name_rect.intersect(ui.clip_rect()));
         painter.text(name_rect.left_center(), Align2::LEFT_CENTER, words, FontId::proportional(12.5), color);
@@ -141,7 +141,8 @@ fn menu(ui: &mut Ui, idx: usize, look: &mut Look, state: &mut LooksState, mark: 
         state.renaming = Some((idx, name));
         ui.close();
     }
-    if ui.button("Duplicate").clicked() {
+    let duplicate = ui.add_enabled(look.has_room(1), egui::Button::new("Duplicate"));
+    if duplicate.on_disabled_hover_text(FULL).clicked() {
         look.duplicate(idx);
         ui.close();
     }

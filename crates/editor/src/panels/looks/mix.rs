@@ -3,6 +3,7 @@
 use clerestory_transport::basis::LightBasis;
 use eframe::egui::{ComboBox, RichText, Slider, Ui};
 
+use super::in_row;
 use crate::look::Look;
 use crate::look::fade::fade;
 use crate::look::snapshot::Mark;
@@ -102,10 +103,10 @@ pub(super) fn compare_ui(ui: &mut Ui, compare: &mut Compare, look: &Look) {
 }
 
 fn side_ui(ui: &mut Ui, label: &str, side: &mut Side, look: &Look) {
-    let response = ComboBox::from_id_salt(label).selected_text(side.words().to_owned()).show_ui(ui, |ui| {
+    let response = ComboBox::from_id_salt(label).selected_text(in_row(side.words())).show_ui(ui, |ui| {
         ui.selectable_value(side, Side::Present, Side::Present.words());
         for snapshot in &look.snapshots {
-            ui.selectable_value(side, Side::Snapshot(snapshot.name.clone()), &snapshot.name);
+            ui.selectable_value(side, Side::Snapshot(snapshot.name.clone()), in_row(&snapshot.name));
         }
     });
     response.response.accessible_name(label);
@@ -113,6 +114,12 @@ fn side_ui(ui: &mut Ui, label: &str, side: &mut Side, look: &Look) {
 
 /// The row of a cross-fade. The slider lights the scene.
 pub(super) fn fade_ui(ui: &mut Ui, state: &mut Fade, look: &mut Look, basis: Option<&LightBasis>) {
+    // An end that is on is where the slider stands, however that came about.
+    for (end, share) in [(0, 0.0), (1, 1.0)] {
+        if look.snapshot(&state.ends[end]).is_some_and(|snapshot| look.mark(snapshot) == Mark::On) {
+            state.share = share;
+        }
+    }
     let before = state.clone();
     ui.horizontal(|ui| {
         ui.label("From");
@@ -140,9 +147,9 @@ pub(super) fn fade_ui(ui: &mut Ui, state: &mut Fade, look: &mut Look, basis: Opt
 }
 
 fn end_ui(ui: &mut Ui, label: &str, end: &mut String, look: &Look) {
-    let response = ComboBox::from_id_salt(label).selected_text(end.clone()).show_ui(ui, |ui| {
+    let response = ComboBox::from_id_salt(label).selected_text(in_row(end)).show_ui(ui, |ui| {
         for snapshot in &look.snapshots {
-            ui.selectable_value(end, snapshot.name.clone(), &snapshot.name);
+            ui.selectable_value(end, snapshot.name.clone(), in_row(&snapshot.name));
         }
     });
     response.response.accessible_name(label);

@@ -5,7 +5,7 @@ use eframe::egui::{
     StrokeKind, Ui, pos2, vec2,
 };
 
-use super::LooksView;
+use super::{LooksView, in_row};
 use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::timeline::{Ease, FPS, Key, SECS, Timeline};
@@ -23,6 +23,8 @@ const REACH: f32 = 9.0;
 const LEAST_SECS: f32 = 5.0;
 /// Frames that an arrow key goes on with Shift; one without.
 const FRAMES_WITH_SHIFT: f32 = 10.0;
+/// Height of a list of looks, points; more of them are scrolled.
+const MENU_HEIGHT: f32 = 320.0;
 /// Time between the last key and one that is added behind it.
 const NEXT_SECS: f32 = 2.0;
 
@@ -152,14 +154,16 @@ fn add_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
     let hint = "Add a key with one of the looks: at the playhead, else behind the last key";
     ui.menu_button("Add key", |ui| {
         let names: Vec<String> = look.snapshots.iter().map(|snapshot| snapshot.name.clone()).collect();
-        for name in names {
-            if ui.button(&name).clicked() {
-                let behind = look.timeline.keys.last().map_or(0.0, |key| key.secs + NEXT_SECS);
-                let secs = player.playhead.unwrap_or(behind);
-                player.chosen = Some(look.timeline.add(Key { secs, look: name, ease: Ease::default() }));
-                ui.close();
+        egui::ScrollArea::vertical().max_height(MENU_HEIGHT).show(ui, |ui| {
+            for name in names {
+                if ui.button(in_row(&name)).clicked() {
+                    let behind = look.timeline.keys.last().map_or(0.0, |key| key.secs + NEXT_SECS);
+                    let secs = player.playhead.unwrap_or(behind);
+                    player.chosen = Some(look.timeline.add(Key { secs, look: name, ease: Ease::default() }));
+                    ui.close();
+                }
             }
-        }
+        });
     })
     .response
     .on_hover_text(hint);
@@ -177,9 +181,9 @@ fn key_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
     let number = Number::new(&mut secs).range(0.0..=*SECS.end() as f32).speed(0.02).suffix(" s").max_decimals(3);
     let time = ui.add(number).accessible_name("Time of the key").on_hover_text("When it is reached, seconds");
     let key = &mut look.timeline.keys[idx];
-    let shown = ComboBox::from_id_salt("look of the key").selected_text(name).show_ui(ui, |ui| {
+    let shown = ComboBox::from_id_salt("look of the key").selected_text(in_row(&name)).show_ui(ui, |ui| {
         for snapshot in &look.snapshots {
-            ui.selectable_value(&mut key.look, snapshot.name.clone(), &snapshot.name);
+            ui.selectable_value(&mut key.look, snapshot.name.clone(), in_row(&snapshot.name));
         }
     });
     shown.response.accessible_name("Look of the key");
@@ -221,17 +225,22 @@ struct Ruler {
 }
 
 impl Ruler {
+    /// Points along which time runs; some in any window.
+    fn length(&self) -> f32 {
+        (self.rect.width() - 24.0).max(1.0)
+    }
+
     fn x(&self, secs: f32) -> f32 {
-        self.rect.left() + 12.0 + secs / self.secs * (self.rect.width() - 24.0)
+        self.rect.left() + 12.0 + secs / self.secs * self.length()
     }
 
     fn secs_at(&self, x: f32) -> f32 {
-        ((x - self.rect.left() - 12.0) / (self.rect.width() - 24.0) * self.secs).clamp(0.0, *SECS.end() as f32)
+        ((x - self.rect.left() - 12.0) / self.length() * self.secs).clamp(0.0, *SECS.end() as f32)
     }
 
     /// Seconds between two marks with a number: at least 56 points apart.
     fn step(&self) -> f32 {
-        let least = 56.0 / (self.rect.width() - 24.0) * self.secs;
+        let least = 56.0 / self.length() * self.secs;
         let steps = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0];
         steps.into_iter().find(|step| *step >= least).unwrap_or(7200.0)
     }
@@ -330,7 +339,7 @@ fn paint(ui: &Ui, (ruler, response): (&Ruler, &Response), timeline: &Timeline, p
         let color = if player.chosen == Some(idx) { theme::ACCENT } else { visuals.text_color() };
         painter.add(Shape::convex_polygon(diamond.to_vec(), color, Stroke::new(1.0, Color32::from_black_alpha(160))));
         let font = FontId::proportional(11.0);
-        painter.text(center + vec2(9.0, 7.0), Align2::LEFT_CENTER, &key.look, font, color);
+        painter.text(center + vec2(9.0, 7.0), Align2::LEFT_CENTER, in_row(&key.look), font, color);
     }
     if timeline.keys.is_empty() {
         let words = "Add keys to let one look become the next";
@@ -383,5 +392,7 @@ mod tests {
             assert!((ruler.secs_at(ruler.x(secs)) - secs).abs() < 1e-4);
         }
         assert_eq!((ruler.step(), ruler.secs_at(-50.0)), (1.0, 0.0));
+        let narrow = Ruler { rect: Rect::from_min_size(pos2(5.0, 0.0), vec2(9.0, 40.0)), secs: 99_000.0 };
+        assert!(narrow.secs / narrow.step() < 20.0, "as good as no marks");
     }
 }

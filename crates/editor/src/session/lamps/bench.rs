@@ -369,22 +369,33 @@ impl Bench {
 /// The light of lamps as smooth as it gets, for pictures that wait for it. Lamps that stay from one look to the next are traced once.
 pub struct StillLamps {
     bench: Bench,
+    /// The light that was put together last, and of which lamps.
+    last: Option<(Vec<FreeLamp>, LampLight)>,
 }
 
 impl StillLamps {
     /// In a view, as smooth as frames want it.
     pub fn new(view: Arc<LampView>) -> StillLamps {
-        StillLamps { bench: Bench { most_samples: *SAMPLES.end() as u32, ..Bench::new(view) } }
+        StillLamps { bench: Bench { most_samples: *SAMPLES.end() as u32, ..Bench::new(view) }, last: None }
     }
 
     /// The same, as fine as the window shows lamps that stand still.
     pub fn fine(view: Arc<LampView>) -> StillLamps {
-        StillLamps { bench: Bench::new(view) }
+        StillLamps { bench: Bench::new(view), last: None }
     }
 
     /// The light of some lamps, those that are muted left out; `None` if it was stopped.
     pub fn light(&mut self, lamps: &[FreeLamp], stop: &(dyn Fn() -> bool + Sync)) -> Option<LampLight> {
-        let shining = lamps.iter().filter(|lamp| !lamp.setting.muted).cloned().collect();
+        let shining: Vec<FreeLamp> = lamps.iter().filter(|lamp| !lamp.setting.muted).cloned().collect();
+        if self.last.as_ref().is_none_or(|(of, _)| *of != shining) {
+            self.last = None;
+            let light = self.traced(shining.clone(), stop)?;
+            self.last = Some((shining, light));
+        }
+        self.last.as_ref().map(|(_, light)| light.clone())
+    }
+
+    fn traced(&mut self, shining: Vec<FreeLamp>, stop: &(dyn Fn() -> bool + Sync)) -> Option<LampLight> {
         let (view, serial) = (self.bench.view.clone(), self.bench.serial + 1);
         self.bench.take(LampOrder { view, lamps: shining, shows_arriving: true, serial });
         while self.bench.next().is_some() {
@@ -410,10 +421,8 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn samples_are_as_many_as_what_they_take_leaves_room_for() {
-        assert_eq!([1, 0].map(|bytes| samples_within(100, bytes)), [8, 8]);
-        assert_eq!([25, 50, 51, 1000].map(|bytes| samples_within(100, bytes)), [4, 2, 2, 2]);
+    /// The closed room, and a lamp in it.
+    fn lit_room() -> (Arc<LampView>, FreeLamp) {
         let scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
         let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
         let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
@@ -432,6 +441,14 @@ mod tests {
             turn_rad: 0.0,
             replaces: None,
         };
+        (view, lamp)
+    }
+
+    #[test]
+    fn samples_are_as_many_as_what_they_take_leaves_room_for() {
+        assert_eq!([1, 0].map(|bytes| samples_within(100, bytes)), [8, 8]);
+        assert_eq!([25, 50, 51, 1000].map(|bytes| samples_within(100, bytes)), [4, 2, 2, 2]);
+        let (view, lamp) = lit_room();
         let mut bench = Bench::new(view.clone());
         bench.take(LampOrder { view: view.clone(), lamps: vec![lamp.clone()], shows_arriving: true, serial: 1 });
         bench.step(&|_, _| false);
@@ -446,5 +463,17 @@ mod tests {
         assert_eq!(bench.spare.as_ref().map(|(nth, _)| *nth), Some(31), "samples that do not fit are looked for again");
         let all_kept = StillLamps::fine(view).light(&[lamp], &|| false).unwrap();
         assert!(bench.news().unwrap().direct.pixels == all_kept.direct.pixels, "and give the same light");
+    }
+
+    #[test]
+    fn light_that_was_put_together_is_kept_for_as_long_as_the_lamps_stay() {
+        let (view, lamp) = lit_room();
+        let mut still = StillLamps::new(view);
+        let mut light = |lamp: &FreeLamp| still.light(std::slice::from_ref(lamp), &|| false).unwrap();
+        let first = light(&lamp);
+        assert!(Arc::ptr_eq(&first.direct, &light(&lamp).direct));
+        let other = light(&FreeLamp { strength: 200.0, ..lamp.clone() });
+        assert!(other.direct.pixels != first.direct.pixels);
+        assert!(light(&lamp).direct.pixels == first.direct.pixels);
     }
 }
