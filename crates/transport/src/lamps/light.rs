@@ -8,7 +8,9 @@ use super::body::{Body, BodyPoint, in_cone};
 use super::rectangle::SeenRectangle;
 use crate::emitters::punctual_falloff;
 use crate::photometry::PhotometricProfile;
+use crate::prepared::PreparedScene;
 use crate::scene::PunctualLight;
+use crate::slabs::Route;
 
 /// A free lamp at emission 1: 1 cd along the axis, 1 lx or 1 nit.
 #[derive(Clone, Debug)]
@@ -46,6 +48,14 @@ pub(crate) struct Lit {
     pub factor: f32,
     /// One over the density per solid angle, 0 for a lamp without size.
     pub spread_sr: f32,
+}
+
+/// A way to a point of a lamp through the slabs in between.
+#[derive(Clone, Copy)]
+pub(crate) struct Way {
+    pub route: Route,
+    /// Where it ends, m; `None` for light from far away.
+    pub end: Option<Vec3>,
 }
 
 /// A lamp without size has this one next to it: closer than that it is not brighter, m.
@@ -117,6 +127,28 @@ impl Lamp {
             Form::Distant(_) => None,
             Form::Body(body) => lit_by(point, body.area(), position),
         }
+    }
+
+    /// The way from a place to the point of the lamp that [`Lamp::point`] takes, through the slabs in between; `None` where there
+    /// are none.
+    #[inline]
+    pub(crate) fn way(&self, scene: &PreparedScene, position: Vec3, u: Vec2, far: f32) -> Option<Way> {
+        let slabs = &scene.slabs;
+        if slabs.is_empty() {
+            return None;
+        }
+        if let Form::Distant(direction) = self.form {
+            return Some(Way { route: slabs.route_beyond(position, -direction, far)?, end: None });
+        }
+        let end = self.point(u)?.position;
+        Some(Way { route: slabs.route(position, end)?, end: Some(end) })
+    }
+
+    /// What the point at the end of a way sends to the place where it begins.
+    pub(crate) fn lit_along(&self, way: &Way, position: Vec3, u: Vec2, far: f32) -> Option<Lit> {
+        // From there the lamp looks, without slabs, as it does from here through them.
+        let eye = way.end.map_or(position, |end| end - way.route.direction / way.route.closeness.sqrt());
+        self.lit(eye, u, far)
     }
 
     /// The body, if there is one to be seen.

@@ -14,6 +14,7 @@ use super::{FreeLamp, LampShape};
 use crate::clearance::{offset_origin, rounding};
 use crate::import::read_profile;
 use crate::patches::PatchSample;
+use crate::path::passed_along;
 use crate::photometry::PhotometricProfile;
 use crate::prepared::PreparedScene;
 use crate::scene::{PunctualKind, PunctualLight};
@@ -174,6 +175,42 @@ impl PreparedLamp {
 
     /// Illuminance at emission 1, light of each direction times a response to its cosine; of a body by some of its points, [`POINTS`] at most.
     fn arriving(&self, scene: &PreparedScene, place: &Place, n_points: usize, response: impl Fn(f32) -> f32) -> Vec3 {
+        let straight = self.arriving_straight(scene, place, n_points, &response);
+        if scene.slabs.is_empty() {
+            return straight;
+        }
+        straight + self.arriving_through_slabs(scene, place, n_points, &response)
+    }
+
+    /// What of it comes through solid panes, which shift it.
+    fn arriving_through_slabs(
+        &self,
+        scene: &PreparedScene,
+        &Place { position, normal, origin, far }: &Place,
+        n_points: usize,
+        response: impl Fn(f32) -> f32,
+    ) -> Vec3 {
+        let n_points = if self.lamp.body().is_some() { n_points } else { 1 };
+        let of_point = |nth: usize| {
+            let u = lattice(nth as u32);
+            let way = self.lamp.way(scene, position, u, far)?;
+            let lit = self.lamp.lit_along(&way, position, u, far)?;
+            let cos = lit.wi.dot(normal);
+            let value = lit.factor * cos * response(cos);
+            let passed = || passed_along(scene, (position, origin), Vec3::ZERO, (&way.route, way.end, far));
+            (cos > 0.0).then(|| passed() * value)
+        };
+        (0..n_points).filter_map(of_point).sum::<Vec3>() / n_points as f32
+    }
+
+    /// What of it comes straight.
+    fn arriving_straight(
+        &self,
+        scene: &PreparedScene,
+        place: &Place,
+        n_points: usize,
+        response: impl Fn(f32) -> f32,
+    ) -> Vec3 {
         let &Place { position, normal, origin, far } = place;
         if self.lamp.body().is_none() {
             let Some(lit) = self.lamp.lit(position, Vec2::ZERO, far) else { return Vec3::ZERO };
