@@ -170,6 +170,23 @@ fn lamps_need_the_scene_that_was_baked() {
 }
 
 #[test]
+fn lamps_that_are_muted_need_neither_scene_nor_files() {
+    let desk = Desk::new();
+    let lamps = json!([
+        { "key": "bulb", "type": "point", "position": [0, 0.5, 0], "strength": 5, "muted": true },
+        { "key": "washer", "type": "ies", "file": "gone.ies", "position": [0, 0.5, 0], "aim": [0, 0, 0], "strength": 5,
+          "muted": true },
+    ]);
+    std::fs::write(desk.path("off.look"), json!({ "clerestory": 1, "lamps": lamps }).to_string()).unwrap();
+    desk.json("bake @room.glb -o @room.transport --size 8x6 --spp 1");
+    for scene in ["", "--scene @room.glb"] {
+        let relit = desk.json(&format!("relight @room.transport --look @off.look {scene} -o @a.exr --device cpu"));
+        assert_eq!(relit["warnings"], json!([]));
+    }
+    desk.json("trace @room.glb --look @off.look -o @traced.exr --size 8x6 --spp 1");
+}
+
+#[test]
 fn a_light_of_the_file_that_became_movable_leaves_the_picture_as_it_was() {
     let desk = Desk::new();
     desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 256 --tolerance 50 --patches 1024"));

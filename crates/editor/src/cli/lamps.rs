@@ -99,7 +99,7 @@ pub(super) fn added_lux(lamps: &[LampLight]) -> AddedLux {
 }
 
 impl LampLight {
-    /// Of each lamp of a look whose picture was baked from a scene.
+    /// Of each lamp of a look that is on, whose picture was baked from a scene.
     pub fn of(
         bake: &Bake,
         look: &Look,
@@ -107,8 +107,9 @@ impl LampLight {
         (arriving, n_samples): (Arriving, u32),
         console: &mut Console,
     ) -> Result<Vec<LampLight>> {
-        let lamps = &look.lights.lit_lamps();
-        let Some((scene, camera)) = stage(bake, lamps, scene, console)? else { return Ok(Vec::new()) };
+        let mut lamps = look.lights.lit_lamps();
+        lamps.retain(|lamp| !lamp.setting.muted);
+        let Some((scene, camera)) = stage(bake, &lamps, scene, console)? else { return Ok(Vec::new()) };
         let scene = Arc::new(scene);
         let alone = |lamp: &FreeLamp| prepared(std::slice::from_ref(lamp), path, &mut *console);
         let each: Vec<PreparedLamps> = lamps.iter().map(alone).collect::<Result<_>>()?;
@@ -137,14 +138,15 @@ impl LampLight {
     }
 }
 
-/// Where lamps shine that are to be added to a baked picture: the scene of the bake and its camera; none without lamps.
+/// Where lamps shine that are to be added to a baked picture: the scene of the bake and its camera; none without lamps that are
+/// on.
 pub(super) fn stage(
     bake: &Bake,
     lamps: &[FreeLamp],
     scene: Option<&Path>,
     console: &mut Console,
 ) -> Result<Option<(PreparedScene, Camera)>> {
-    if lamps.is_empty() {
+    if lamps.iter().all(|lamp| lamp.setting.muted) {
         return Ok(None);
     }
     if bake.header.basis.is_measured() {

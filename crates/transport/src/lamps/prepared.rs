@@ -98,7 +98,7 @@ const POINTS: usize = 16;
 const FEW_POINTS: usize = 4;
 
 impl PreparedLamps {
-    /// Checks lamps and converts their units; those that are dark are left out. Paths of distributions count from `folder`.
+    /// Checks lamps and converts their units; those that are dark are left out, and of muted ones no file is read. Paths of distributions count from `folder`.
     /// Returns warnings in words beside it.
     ///
     /// # Errors
@@ -248,6 +248,9 @@ fn prepare(
     warnings: &mut Vec<String>,
 ) -> Result<Option<PreparedLamp>, LampError> {
     check(lamp)?;
+    if lamp.setting.muted {
+        return Ok(None);
+    }
     let profile = match &lamp.shape {
         LampShape::Profile { file } => Some(profile(lamp, file, folder)?),
         _ => None,
