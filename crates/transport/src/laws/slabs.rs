@@ -6,12 +6,14 @@ use glam::{Quat, Vec3, Vec4};
 
 use super::stage::{Stage, lambert, pane, quad, room, textured};
 use super::walks::{Even, Mean, Walks, assert_same_mean, file_light};
+use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
 use crate::lamps::tests::lamp;
 use crate::lamps::{FreeLamp, LampShape, PreparedLamps};
 use crate::patches::PatchSample;
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
+use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Encoding, Finish, Material};
 use crate::slabs::hidden;
 
@@ -192,6 +194,22 @@ fn lamps_of_a_look_send_through_windows_what_lamps_of_the_file_send() {
     // A small disk that faces the place shines there like a point.
     let [disk, point] = [LampShape::Disk { radius_m: 0.01 }, LampShape::Point].map(|shape| lux(shape, Vec3::ZERO));
     assert!((disk / point - 1.0).abs() < 2e-3, "{disk} lx, {point} lx");
+}
+
+#[test]
+fn who_looks_through_panes_sees_what_is_behind_them() {
+    let ray = |direction| Ray { origin: Vec3::Y * 2.0, direction, t_min: 0.0, t_max: f32::INFINITY };
+    let thin = quad(Vec3::new(-1.0, 1.5, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0);
+    let solid = |material| floor(lambert(ALBEDO, 0.0)).surface("slab", &level_slab(), material);
+    let height = |stage: Stage, direction| {
+        let hit = stage.prepared().closest_behind_glass(&ray(direction), &mut Sampler::new(0, 0, 0));
+        hit.map(|hit| hit.position.y)
+    };
+    assert_eq!(height(solid(glass()).surface("pane", &thin, pane()), Vec3::NEG_Y), Some(0.0));
+    assert_eq!(height(solid(lambert(ALBEDO, 0.0)).surface("pane", &thin, pane()), Vec3::NEG_Y), Some(SLAB[1]));
+    let aside = Vec3::new(0.3, -1.0, 0.0);
+    assert_eq!(height(solid(glass()), aside), Some(SLAB[1]), "nothing is behind it");
+    assert_eq!(height(solid(glass()), Vec3::Y), None);
 }
 
 #[test]
