@@ -16,6 +16,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use crate::light::LightSetting;
+use crate::scene::PunctualKind;
 
 pub(crate) use self::body::{Body, BodyPoint};
 pub use self::frame::half_turn;
@@ -121,7 +122,20 @@ impl LampUnit {
     }
 }
 
+/// Least outer half angle of a spot: a narrower one shines into this cone with the same strength.
+pub const LEAST_CONE_RAD: f32 = 0.1 / 180.0 * std::f32::consts::PI;
+
 impl LampShape {
+    /// The kind of lamp without size that it is, if it has none.
+    pub(crate) fn without_size(&self) -> PunctualKind {
+        match *self {
+            LampShape::Spot { inner_rad, outer_rad } => {
+                PunctualKind::Spot { inner_rad, outer_rad: outer_rad.max(LEAST_CONE_RAD) }
+            }
+            _ => PunctualKind::Point,
+        }
+    }
+
     /// As files and people call it.
     pub fn name(&self) -> &'static str {
         match self {

@@ -17,7 +17,7 @@ use crate::patches::PatchSample;
 use crate::path::passed_along;
 use crate::photometry::PhotometricProfile;
 use crate::prepared::PreparedScene;
-use crate::scene::{PunctualKind, PunctualLight};
+use crate::scene::PunctualLight;
 
 /// Why a lamp cannot shine.
 #[derive(Debug, Error)]
@@ -273,10 +273,7 @@ fn prepare(
         (_, Some((body, _))) => Form::Body(body),
         (LampShape::Directional, _) => Form::Distant(ahead),
         (shape, None) => {
-            let kind = match *shape {
-                LampShape::Spot { inner_rad, outer_rad } => PunctualKind::Spot { inner_rad, outer_rad },
-                _ => PunctualKind::Point,
-            };
+            let kind = shape.without_size();
             let light = PunctualLight {
                 node: 0,
                 kind,
@@ -316,8 +313,7 @@ fn check(lamp: &FreeLamp) -> Result<(), LampError> {
     let size = |what, value| within(what, value, [0.0, FARTHEST_M], "meters from 0 to 1000000");
     match lamp.shape {
         LampShape::Spot { inner_rad, outer_rad } => {
-            let pi = std::f32::consts::PI;
-            within("outer angle", outer_rad, [f32::MIN_POSITIVE, pi], "more than 0 degrees, and 180 at most")?;
+            within("outer angle", outer_rad, [0.0, std::f32::consts::PI], "0 to 180 degrees")?;
             within("inner angle", inner_rad, [0.0, outer_rad], "0 degrees to the outer angle")
         }
         LampShape::Rectangle { size_m: [width, height] } => size("width", width).and_then(|()| size("height", height)),
