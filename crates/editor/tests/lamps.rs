@@ -670,7 +670,7 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     // Another scene of the same name is refused.
     std::fs::write(folder.path().join("room.gltf"), include_bytes!("room.gltf")).unwrap();
     let mut window = open(Source::File(path));
-    wait_for_words(&mut window, "another scene");
+    wait_for_words(&mut window, "lamps that --ies or --sun-size changed");
 }
 
 fn wait_for_words(window: &mut Window, words: &str) {
