@@ -286,6 +286,21 @@ fn another_unit_leaves_the_light_as_it_is() {
 }
 
 #[test]
+fn a_unit_that_the_strength_has_no_room_in_is_not_offered() {
+    let mut window = with_lamp("Rectangle");
+    for (label, value) in [("width", 0.001), ("height", 0.001), ("strength", 4000.0)] {
+        window.get_by_label(&format!("Rectangular lamp 1 {label}")).set_value_accesskit(value);
+        window.run_steps(3);
+    }
+    let before = lamps(&window);
+    assert_eq!((before[0].strength, before[0].unit), (4000.0, LampUnit::Lumen));
+    click(&mut window, "Rectangular lamp 1 unit");
+    click(&mut window, "nit");
+    window.run_steps(3);
+    assert_eq!(lamps(&window), before, "1.3·10⁹ nit");
+}
+
+#[test]
 fn solo_darkens_what_is_not_soloed_among_lamps_and_lights_alike() {
     let mut window = with_lamp("Point");
     let ev = window.state().shown_ev();

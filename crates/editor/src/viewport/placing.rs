@@ -9,6 +9,7 @@ use clerestory_transport::prepared::PreparedScene;
 use glam::Vec3;
 
 use super::gizmo::{Surface, put_on, room_m, scale_of, surface_along, surface_behind_glass};
+use crate::look::lamps::MOST_STRENGTH;
 
 /// Downward part of a normal from which on a surface is a ceiling.
 const CEILING: f32 = 0.7;
@@ -24,8 +25,6 @@ const BRIGHT: f32 = 0.5;
 const REFLECTANCE: f32 = 0.5;
 /// Fluxes that a new lamp may have, lumen.
 const LUMEN: [f32; 2] = [50.0, 20_000.0];
-/// The most that the field of a lamp takes, lumen.
-const MOST_LUMEN: f32 = 1e9;
 /// How far a copy stands beside the lamp, of its distance to the camera.
 const BESIDE: f32 = 0.06;
 /// Steps of fluxes and of sizes within a power of ten.
@@ -75,7 +74,7 @@ pub fn fitting_strength(
     let lumen = FreeLamp { strength: 1.0, unit: LampUnit::Lumen, ..lamp.clone() };
     let candela_per_lumen = lumen.strength_in(LampUnit::Candela).unwrap_or(1.0 / (4.0 * PI));
     let [least, most] = LUMEN.map(|lumen| scale * scale * lumen);
-    (round((lux * lit_m * lit_m / candela_per_lumen).clamp(least, most)).min(MOST_LUMEN), LampUnit::Lumen)
+    (round((lux * lit_m * lit_m / candela_per_lumen).clamp(least, most)).min(MOST_STRENGTH), LampUnit::Lumen)
 }
 
 /// Where the copy of a lamp stands: beside it as a camera sees it, to the right if there is room, else to the left, at most half
