@@ -182,6 +182,10 @@ impl LampShape {
 pub(crate) mod tests {
     use super::*;
 
+    /// 30 degrees beside its axis it sends 900 cd to its right, 500 up, 250 down and 100 to its left.
+    pub(crate) const ONE_SIDED: &str = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 4 5 1 2 0 0 0\n1 1 10\n0 30 60 90\n\
+        0 90 180 270 360\n400 900 200 0\n400 500 100 0\n400 100 0 0\n400 250 50 0\n400 900 200 0\n";
+
     /// A lamp at (0, 1, 0) that looks down, of 1 in a unit that it can have.
     pub(crate) fn lamp(shape: LampShape) -> FreeLamp {
         let unit = if shape == LampShape::Directional { LampUnit::Lux } else { LampUnit::Candela };
