@@ -107,16 +107,16 @@ fn facing(hit: &SurfaceHit, direction: Vec3) -> Surface {
     Surface { position: hit.position, normal }
 }
 
-/// How far it is from a surface to the next one in a direction, m; infinite where there is none.
-pub fn room_m(scene: &PreparedScene, surface: &Surface, away: Vec3) -> f32 {
-    let rounding = 1e-6 * surface.position.abs().max_element();
-    let origin = surface.position + surface.normal * ((1e-4 * scene.diameter()).min(0.01) + rounding);
-    surface_along(scene, origin, away).map_or(f32::INFINITY, |next| next.position.distance(surface.position))
+/// What of a distance away from a surface lies before the next one, m.
+pub fn free_m(scene: &PreparedScene, surface: &Surface, away: Vec3, wanted_m: f32) -> f32 {
+    let clear = 1e-3 * wanted_m + 1e-6 * surface.position.abs().max_element();
+    let next = surface_along(scene, surface.position + surface.normal * clear, away);
+    next.map_or(wanted_m, |next| next.position.distance(surface.position).min(wanted_m))
 }
 
 /// The place so far before a surface, but at most half way to the next one.
 fn before(scene: &PreparedScene, surface: &Surface, standoff_m: f32) -> Vec3 {
-    surface.position + surface.normal * standoff_m.min(0.5 * room_m(scene, surface, surface.normal))
+    surface.position + surface.normal * (0.5 * free_m(scene, surface, surface.normal, 2.0 * standoff_m))
 }
 
 /// How far along an axis the point is that is nearest to a ray, in units of the axis; `None` where they are all but parallel.

@@ -8,7 +8,7 @@ use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use clerestory_transport::prepared::PreparedScene;
 use glam::Vec3;
 
-use super::gizmo::{Surface, put_on, room_m, scale_of, surface_along, surface_behind_glass};
+use super::gizmo::{Surface, free_m, put_on, scale_of, surface_along, surface_behind_glass};
 use crate::look::lamps::MOST_STRENGTH;
 
 /// Downward part of a normal from which on a surface is a ceiling.
@@ -50,19 +50,14 @@ pub fn placed(mut lamp: FreeLamp, surface: Surface, eye: Vec3, scene: &PreparedS
     }
     let away = (surface.normal + Vec3::Y).normalize_or(surface.normal);
     let hangs_m = HANGS_M * scale_of(surface.position.distance(eye));
-    lamp.position = surface.position + away * hangs_m.min(OF_ROOM * room_m(scene, &surface, away));
+    lamp.position = surface.position + away * (OF_ROOM * free_m(scene, &surface, away, hangs_m / OF_ROOM));
     lamp.aim = surface.position;
     lamp
 }
 
 /// How strong a lamp that is placed where one sees from `distance_m` is to be so that what it lights reads well in a picture of
 /// some exposure, EV: in round numbers of its usual unit.
-pub fn fitting_strength(
-    lamp: &FreeLamp,
-    exposure_ev: f32,
-    scene: &PreparedScene,
-    distance_m: f32,
-) -> (f32, LampUnit) {
+pub fn fitting_strength(lamp: &FreeLamp, exposure_ev: f32, scene: &PreparedScene, distance_m: f32) -> (f32, LampUnit) {
     let lux = BRIGHT * PI / REFLECTANCE * (-exposure_ev).exp2();
     if lamp.shape == LampShape::Directional {
         return (round(lux), LampUnit::Lux);
@@ -82,13 +77,12 @@ pub fn fitting_strength(
 pub fn beside(place: Vec3, camera: &Camera, scene: &PreparedScene) -> Vec3 {
     let right = camera.world_from_camera.x_axis.truncate();
     let wanted_m = BESIDE * place.distance(camera.position());
-    let free_m = |side: Vec3| {
+    let half_way = |side: Vec3| {
         let next = surface_along(scene, place, side);
-        next.map_or(f32::INFINITY, |next| 0.5 * next.position.distance(place))
+        next.map_or(wanted_m, |next| wanted_m.min(0.5 * next.position.distance(place)))
     };
-    let [to_right, to_left] = [right, -right].map(free_m);
-    let (side, free_m) = if to_right >= wanted_m.min(to_left) { (right, to_right) } else { (-right, to_left) };
-    place + side * wanted_m.min(free_m)
+    let [to_right, to_left] = [right, -right].map(half_way);
+    place + if to_right >= to_left { right * to_right } else { right * -to_left }
 }
 
 /// The nearest step.
@@ -187,7 +181,10 @@ mod tests {
                 }
             }
         }
-        assert_eq!(sized(LampShape::Rectangle { size_m: [0.6, 0.6] }, 3.0), LampShape::Rectangle { size_m: [0.6, 0.6] });
+        assert_eq!(
+            sized(LampShape::Rectangle { size_m: [0.6, 0.6] }, 3.0),
+            LampShape::Rectangle { size_m: [0.6, 0.6] }
+        );
         assert_eq!(sized(LampShape::Disk { radius_m: 0.15 }, 1000.0), LampShape::Disk { radius_m: 15.0 });
     }
 
@@ -198,7 +195,10 @@ mod tests {
         let ceiling = surface_along(&scene, Vec3::new(0.2, 0.96, 0.1), Vec3::Y).unwrap();
         let mut shelf = scene.scene.clone();
         let first = shelf.mesh.positions.len() as u32;
-        shelf.mesh.positions.extend([[-0.5, -0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, 0.5]].map(|[x, z]| Vec3::new(x, 0.96, z)));
+        shelf
+            .mesh
+            .positions
+            .extend([[-0.5, -0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, 0.5]].map(|[x, z]| Vec3::new(x, 0.96, z)));
         shelf.mesh.normals.extend([Vec3::Y; 4]);
         shelf.mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 3, first + 1]]);
         shelf.mesh.triangle_material.extend([0; 2]);

@@ -98,8 +98,8 @@ const POINTS: usize = 16;
 const FEW_POINTS: usize = 4;
 
 impl PreparedLamps {
-    /// Checks lamps and converts their units; those that are dark are left out, and of muted ones no file is read. Paths of distributions count from `folder`.
-    /// Returns warnings in words beside it.
+    /// Checks lamps and converts their units; those that are dark are left out, and of muted ones no file is read. Paths of
+    /// distributions count from `folder`. Returns warnings in words beside it.
     ///
     /// # Errors
     /// A lamp whose numbers make no sense, by its name.

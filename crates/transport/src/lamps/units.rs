@@ -130,7 +130,8 @@ mod tests {
 
     #[test]
     fn spots_send_their_lumen_however_narrow_they_are() {
-        for [inner, outer] in [[0.0, 0.1], [0.0, 1.0], [1.0, 1.0], [1.0, 2.5], [3.0, 3.0], [0.0, 40.0], [30.0, 90.0f32]] {
+        for [inner, outer] in [[0.0, 0.1], [0.0, 1.0], [1.0, 1.0], [1.0, 2.5], [3.0, 3.0], [0.0, 40.0], [30.0, 90.0f32]]
+        {
             let [inner_rad, outer_rad] = [inner, outer].map(f32::to_radians);
             let light = PunctualLight {
                 node: 0,

@@ -134,9 +134,11 @@ fn glazed(floor_material: Material) -> Stage {
     let center = Vec3::new(-0.1, 0.9, 0.1);
     let tinted = Material { attenuation_distance: 0.2, attenuation_color: Vec3::splat(0.6), ..glass() };
     let green = Material { base_color: Vec4::new(0.5, 0.9, 0.5, 1.0), ior: 1.7, ..glass() };
-    floor(floor_material)
-        .surface("inner", &block(center, Vec3::new(0.6, 0.04, 0.6), turn), tinted)
-        .surface("outer", &block(center + out * 0.25, Vec3::new(0.6, 0.06, 0.6), turn), green)
+    floor(floor_material).surface("inner", &block(center, Vec3::new(0.6, 0.04, 0.6), turn), tinted).surface(
+        "outer",
+        &block(center + out * 0.25, Vec3::new(0.6, 0.06, 0.6), turn),
+        green,
+    )
 }
 
 /// The same before a panel and a lamp.

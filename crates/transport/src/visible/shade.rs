@@ -143,13 +143,7 @@ impl<'a> Shading<'a> {
     }
 
     /// The light of a lamp at a point along a way; `None` where the lamp sends none there, or the point none to its pixel.
-    fn along(
-        &self,
-        (point, specials): (&Point, &[Special]),
-        lamp: &PreparedLamp,
-        u: Vec2,
-        way: &Way,
-    ) -> Option<Vec3> {
+    fn along(&self, (point, specials): (&Point, &[Special]), lamp: &PreparedLamp, u: Vec2, way: &Way) -> Option<Vec3> {
         let (scene, position, route) = (self.scene, point.position, &way.route);
         let (lit, ng) = (lamp.lamp.lit_along(way, position, u, self.far)?, point.normal());
         if !point.may_send(ng, lit.wi) {

@@ -276,6 +276,7 @@ fn lamps_in_bad_places_give_finite_pictures() {
     let shapes = [
         LampShape::Point,
         LampShape::Spot { inner_rad: 0.0, outer_rad: 1e-3 },
+        LampShape::Spot { inner_rad: 0.0, outer_rad: 0.0 },
         LampShape::Rectangle { size_m: [0.0, 0.0] },
         LampShape::Rectangle { size_m: [100.0, 100.0] },
         LampShape::Disk { radius_m: 0.0 },

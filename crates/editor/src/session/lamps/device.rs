@@ -76,9 +76,7 @@ mod tests {
     use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
     use clerestory_transport::light::LightSetting;
     use clerestory_transport::patches::NARROW_ALPHA;
-    use clerestory_transport::scene::{
-        AlphaMode, Encoding, Filter, Image, Material, Scene, Texture, TextureRef, Wrap,
-    };
+    use clerestory_transport::scene::{AlphaMode, Encoding, Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
     use clerestory_transport::visible::VisibleConfig;
     use glam::{Affine2, Vec2, Vec3};
 
@@ -101,7 +99,7 @@ mod tests {
         LampView { scene, camera, film: FILM, patches: None, measures: false, device: None }
     }
 
-    /// The test room with a card of which half is there, a clear pane, and a floor with bumps.
+    /// The test room with a card of which half is there, a clear pane, and a table with bumps.
     fn furnished() -> Scene {
         let mut scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
         scene.mesh.uvs[0] = vec![Vec2::ZERO; scene.mesh.positions.len()];
@@ -123,7 +121,7 @@ mod tests {
         let sides = [Vec3::X, Vec3::Y];
         add(&mut scene, Vec3::new(-0.6, -0.5, -0.3), sides.map(|side| side * 0.7), card);
         add(&mut scene, Vec3::new(0.0, -0.6, 0.2), sides, pane);
-        add(&mut scene, Vec3::new(-0.9, -0.98, 0.5), [Vec3::X * 1.8, Vec3::NEG_Z * 1.4], bumps);
+        add(&mut scene, Vec3::new(-0.9, -0.6, 0.5), [Vec3::X * 1.8, Vec3::NEG_Z * 1.4], bumps);
         scene.mesh.tangents = vec![Vec3::X.extend(1.0); scene.mesh.positions.len()];
         scene
     }
@@ -222,7 +220,11 @@ mod tests {
             let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
             let mut device = LampDevice::new(gpu, &view).unwrap().unwrap();
             let place = [Vec3::new(0.1, 0.5, 0.3), Vec3::new(-0.3, -1.0, -0.5)];
-            let narrow = lamp(LampShape::Spot { inner_rad: 0.0, outer_rad: 0.03 }, LampUnit::Lumen, place);
+            let narrow = lamp(
+                LampShape::Spot { inner_rad: 0.0, outer_rad: 0.03 },
+                LampUnit::Lumen,
+                [place[0], Vec3::new(-0.3, 0.6, -1.0)],
+            );
             for (nth, lamp) in lamps(place[0], place[1]).iter().chain([&narrow]).enumerate() {
                 let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
                 let expected = points.direct(&view.scene, lamp, 0, &|| false).unwrap();

@@ -193,12 +193,12 @@ fn where_one_looks_along_an_axis_or_beyond_the_horizon_the_lamp_stays() {
 #[test]
 fn a_lamp_is_put_before_a_surface_and_shines_away_from_it() {
     let scene = room();
-    let surface = Surface { position: Vec3::new(0.0, 2.0, 0.0), normal: Vec3::NEG_Y };
+    let surface = Surface { position: Vec3::Y, normal: Vec3::NEG_Y };
     let put = put_on(lamp(Vec3::ZERO), surface, Vec3::new(0.0, 0.0, 3.0), &scene);
-    assert!(put.position.y < 2.0 && put.position.y > 1.6 && put.aim.y < put.position.y, "{put:?}");
+    assert!(put.position.y < 1.0 && put.position.y > 0.6 && put.aim.y < put.position.y, "{put:?}");
     let globe = FreeLamp { shape: LampShape::Sphere { radius_m: 0.5 }, ..lamp(Vec3::ZERO) };
     let put = put_on(globe, surface, Vec3::new(0.0, 0.0, 3.0), &scene);
-    assert!(put.position.y < 1.5, "all of it is in front of the surface: {}", put.position);
+    assert!(put.position.y < 0.5, "all of it is in front of the surface: {}", put.position);
     assert_eq!(put.aim, below(put.position));
 }
 
@@ -206,7 +206,10 @@ fn a_lamp_is_put_before_a_surface_and_shines_away_from_it() {
 fn who_aims_through_a_pane_lights_what_is_behind_it() {
     let mut scene = room().scene;
     let first = scene.mesh.positions.len() as u32;
-    scene.mesh.positions.extend([[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]].map(|[x, y]| Vec3::new(x, y, 0.1)));
+    scene
+        .mesh
+        .positions
+        .extend([[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]].map(|[x, y]| Vec3::new(x, y, 0.1)));
     scene.mesh.normals.extend([Vec3::Z; 4]);
     scene.mesh.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|corner: u32| first + corner)));
     scene.mesh.triangle_material.extend([scene.materials.len() as u32; 2]);
