@@ -170,6 +170,33 @@ fn lamps_need_the_scene_that_was_baked() {
 }
 
 #[test]
+fn lamps_that_are_muted_need_neither_scene_nor_files() {
+    let desk = Desk::new();
+    let lamps = json!([
+        { "key": "bulb", "type": "point", "position": [0, 0.5, 0], "strength": 5, "muted": true },
+        { "key": "washer", "type": "ies", "file": "gone.ies", "position": [0, 0.5, 0], "aim": [0, 0, 0], "strength": 5,
+          "muted": true },
+    ]);
+    std::fs::write(desk.path("off.look"), json!({ "clerestory": 1, "lamps": lamps }).to_string()).unwrap();
+    desk.json("bake @room.glb -o @room.transport --size 8x6 --spp 1");
+    for scene in ["", "--scene @room.glb"] {
+        let relit = desk.json(&format!("relight @room.transport --look @off.look {scene} -o @a.exr --device cpu"));
+        assert_eq!(relit["warnings"], json!([]));
+    }
+    desk.json("trace @room.glb --look @off.look -o @traced.exr --size 8x6 --spp 1");
+}
+
+#[test]
+fn lamps_light_a_bake_whose_own_lamps_have_no_units() {
+    let desk = lit_by("a.look", &two_lamps());
+    desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 4 --unitless"));
+    desk.json("relight @room.transport --look @a.look --scene @room.glb -o @relit.exr --device cpu --lamp-samples 8");
+    desk.json(&format!("trace @room.glb --look @a.look -o @traced.exr {VIEW} --spp 256 --bounces 0"));
+    let compared = desk.json("compare @relit.exr @traced.exr");
+    assert!(compared["psnr_db"].as_f64().unwrap() > 25.0, "{compared}");
+}
+
+#[test]
 fn a_light_of_the_file_that_became_movable_leaves_the_picture_as_it_was() {
     let desk = Desk::new();
     desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 256 --tolerance 50 --patches 1024"));

@@ -15,6 +15,7 @@ mod on_disk;
 mod parse;
 mod place;
 pub mod presets;
+mod repeated;
 pub mod scene;
 pub mod sky;
 pub mod snapshot;

@@ -286,6 +286,21 @@ fn another_unit_leaves_the_light_as_it_is() {
 }
 
 #[test]
+fn a_unit_that_the_strength_has_no_room_in_is_not_offered() {
+    let mut window = with_lamp("Rectangle");
+    for (label, value) in [("width", 0.001), ("height", 0.001), ("strength", 4000.0)] {
+        window.get_by_label(&format!("Rectangular lamp 1 {label}")).set_value_accesskit(value);
+        window.run_steps(3);
+    }
+    let before = lamps(&window);
+    assert_eq!((before[0].strength, before[0].unit), (4000.0, LampUnit::Lumen));
+    click(&mut window, "Rectangular lamp 1 unit");
+    click(&mut window, "nit");
+    window.run_steps(3);
+    assert_eq!(lamps(&window), before, "1.3·10⁹ nit");
+}
+
+#[test]
 fn solo_darkens_what_is_not_soloed_among_lamps_and_lights_alike() {
     let mut window = with_lamp("Point");
     let ev = window.state().shown_ev();
@@ -670,7 +685,7 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     // Another scene of the same name is refused.
     std::fs::write(folder.path().join("room.gltf"), include_bytes!("room.gltf")).unwrap();
     let mut window = open(Source::File(path));
-    wait_for_words(&mut window, "another scene");
+    wait_for_words(&mut window, "lamps that --ies or --sun-size changed");
 }
 
 fn wait_for_words(window: &mut Window, words: &str) {

@@ -15,11 +15,11 @@ struct Lamp {
     area: f32,
     // Where a lamp aims; the normal of a flat body.
     axis: vec3f,
-    // Of a spot.
-    cos_outer: f32,
+    // Of a spot: one minus the cosine of its outer angle.
+    rim: f32,
     // From the middle of a flat body to the middles of two sides.
     half_x: vec3f,
-    // Of a spot: one over the difference of its cosines.
+    // Of a spot: one over how much of that its rise takes.
     per_cos: f32,
     half_y: vec3f,
     // Squared distance from the middle of a flat body within which the CPU decides, m²; of a sphere the squared radius.
@@ -164,7 +164,8 @@ fn sent(place: vec3f, u: vec2f, own: u32) -> Sent {
     }
     var falloff = 1.0;
     if lamp.kind == 1u {
-        let t = clamp((-dot(wi, lamp.axis) - lamp.cos_outer) * lamp.per_cos, 0.0, 1.0);
+        let aside = wi + lamp.axis;
+        let t = clamp((lamp.rim - 0.5 * dot(aside, aside)) * lamp.per_cos, 0.0, 1.0);
         falloff = t * t;
     }
     return Sent(wi, falloff / max(square, POINT_SQUARE), toward, select(0u, 1u, falloff > 0.0));

@@ -110,7 +110,7 @@ pub(crate) struct LampRecord {
     pub position: [f32; 3],
     pub area: f32,
     pub axis: [f32; 3],
-    pub cos_outer: f32,
+    pub rim: f32,
     pub half_x: [f32; 3],
     pub per_cos: f32,
     pub half_y: [f32; 3],
@@ -199,7 +199,7 @@ mod tests {
             (
                 "Lamp",
                 size_of::<LampRecord>(),
-                shape!(LampRecord: kind, width, height, sheer, position, area, axis, cos_outer, half_x, per_cos, half_y, near, emission, far).2,
+                shape!(LampRecord: kind, width, height, sheer, position, area, axis, rim, half_x, per_cos, half_y, near, emission, far).2,
             ),
         ]
     }

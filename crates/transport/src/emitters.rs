@@ -478,21 +478,28 @@ fn assign_triangles(scene: &Scene, emitters: &[Emitter]) -> Vec<u32> {
 }
 
 /// Intensity of a lamp at strength 1 towards a unit direction in world space: what its profile measures there over the most
-/// it measures, else glTF's spot falloff `saturate(cosθ · scale + offset)²`.
+/// it measures, else glTF's spot falloff `saturate(cosθ · scale + offset)²`, see [`spot_rise`].
 pub fn punctual_falloff(light: &PunctualLight, profiles: &[PhotometricProfile], toward: Vec3) -> f32 {
-    let cos_angle = toward.dot(light.direction);
     if let Some(profile) = light.profile.and_then(|profile| profiles.get(profile as usize)) {
         let [x, y] = light.across.map(|axis| toward.dot(axis));
-        return profile.candela(Vec3::new(x, y, -cos_angle)) / profile.max_candela();
+        return profile.candela(Vec3::new(x, y, -toward.dot(light.direction))) / profile.max_candela();
     }
     match light.kind {
         PunctualKind::Spot { inner_rad, outer_rad } => {
-            let scale = 1.0 / (inner_rad.cos() - outer_rad.cos()).max(0.001);
-            let t = ((cos_angle - outer_rad.cos()) * scale).clamp(0.0, 1.0);
+            let [rim, rise] = spot_rise(inner_rad, outer_rad);
+            // One minus the cosine, exact in narrow cones as well.
+            let t = ((rim - 0.5 * toward.distance_squared(light.direction)) / rise).clamp(0.0, 1.0);
             t * t
         }
         PunctualKind::Point | PunctualKind::Directional => 1.0,
     }
+}
+
+/// Where a spot begins, by one minus the cosine of the angle to its axis, and within how much of that it rises to its full
+/// intensity: glTF's recommended 0.001 at least, but half of a narrow cone, of which the axis would be out of reach else.
+pub(crate) fn spot_rise(inner_rad: f32, outer_rad: f32) -> [f32; 2] {
+    let [inner, rim] = [inner_rad, outer_rad].map(|angle| 2.0 * (0.5 * angle).sin().powi(2));
+    [rim, (rim - inner).max((0.5 * rim).min(0.001)).max(f32::MIN_POSITIVE)]
 }
 
 #[cfg(test)]
@@ -506,5 +513,33 @@ mod tests {
         assert_eq!(share_of(Vec3::new(1.0, 1.0, 0.0), brightest), Vec3::new(0.25, 0.5, 0.5));
         assert_eq!(share_of(Vec3::new(0.0, 2.0, 0.0), brightest), Vec3::new(0.0, 1.0, 1.0));
         assert_eq!(share_of(Vec3::splat(1e-40), Vec3::splat(1e-40)), Vec3::ONE);
+    }
+
+    #[test]
+    fn a_spot_has_its_full_intensity_on_its_axis_however_narrow_it_is() {
+        let direction = Vec3::new(0.6, -0.64, 0.48);
+        let across = [Vec3::new(0.8, 0.48, -0.36), Vec3::new(0.0, 0.6, 0.8)];
+        let falloff = |[inner, outer]: [f32; 2], at: f32| {
+            let [inner_rad, outer_rad, at_rad] = [inner, outer, at].map(f32::to_radians);
+            let light = PunctualLight {
+                node: 0,
+                kind: PunctualKind::Spot { inner_rad, outer_rad },
+                position: Vec3::ZERO,
+                direction,
+                across,
+                profile: None,
+                color: Vec3::ONE,
+                intensity: 1.0,
+                radius_rad: 0.0,
+            };
+            punctual_falloff(&light, &[], direction * at_rad.cos() + across[0] * at_rad.sin())
+        };
+        for cone in [[0.0, 0.1], [0.0, 1.0], [1.0, 1.0], [0.0, 2.0], [10.0, 30.0], [0.0, 90.0]] {
+            let on_axis = falloff(cone, 0.0);
+            assert!((on_axis - 1.0).abs() < 1e-3, "{cone:?}: {on_axis}");
+            assert_eq!(falloff(cone, 1.01 * cone[1]), 0.0, "{cone:?}");
+        }
+        assert!(falloff([0.5, 1.0], 0.49) == 1.0 && falloff([0.5, 1.0], 0.6) < 0.95);
+        assert_eq!(falloff([0.0, 0.0], 0.0), 0.0);
     }
 }

@@ -16,11 +16,12 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use crate::light::LightSetting;
+use crate::scene::PunctualKind;
 
 pub(crate) use self::body::{Body, BodyPoint};
 pub use self::frame::half_turn;
 pub use self::light::Lamp;
-pub(crate) use self::light::Lit;
+pub(crate) use self::light::{Lit, Way};
 pub use self::prepared::{LampError, PreparedLamps};
 pub(crate) use self::prepared::{PreparedLamp, lattice};
 pub(crate) use self::units::lumen_per_candela;
@@ -121,7 +122,20 @@ impl LampUnit {
     }
 }
 
+/// Least outer half angle of a spot: a narrower one shines into this cone with the same strength.
+pub const LEAST_CONE_RAD: f32 = 0.1 / 180.0 * std::f32::consts::PI;
+
 impl LampShape {
+    /// The kind of lamp without size that it is, if it has none.
+    pub(crate) fn without_size(&self) -> PunctualKind {
+        match *self {
+            LampShape::Spot { inner_rad, outer_rad } => {
+                PunctualKind::Spot { inner_rad, outer_rad: outer_rad.max(LEAST_CONE_RAD) }
+            }
+            _ => PunctualKind::Point,
+        }
+    }
+
     /// As files and people call it.
     pub fn name(&self) -> &'static str {
         match self {
@@ -167,6 +181,10 @@ impl LampShape {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+
+    /// 30 degrees beside its axis it sends 900 cd to its right, 500 up, 250 down and 100 to its left.
+    pub(crate) const ONE_SIDED: &str = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 4 5 1 2 0 0 0\n1 1 10\n0 30 60 90\n\
+        0 90 180 270 360\n400 900 200 0\n400 500 100 0\n400 100 0 0\n400 250 50 0\n400 900 200 0\n";
 
     /// A lamp at (0, 1, 0) that looks down, of 1 in a unit that it can have.
     pub(crate) fn lamp(shape: LampShape) -> FreeLamp {

@@ -239,6 +239,20 @@ impl PreparedScene {
         }
     }
 
+    /// Nearest surface along a ray that a viewer looks along who looks through panes, clear ones and solid ones, whose shift is
+    /// left out: what is behind them, or the first of them where nothing is.
+    pub fn closest_behind_glass(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
+        let (mut ray, mut first) = (*ray, None);
+        while let Some(hit) = self.closest_seen(&ray, sampler) {
+            if !self.is_clear_pane(hit.triangle) && !self.slabs.has(hit.triangle) {
+                return Some(hit);
+            }
+            ray.t_min = next_after(hit.t);
+            first = first.or(Some(hit));
+        }
+        first
+    }
+
     /// Share of light that passes from `origin` to `target`: 0 behind a solid surface, less than 1 behind a clear pane.
     pub fn transmittance(&self, origin: Vec3, target: Vec3) -> Vec3 {
         let ray = shadow_ray(origin, nearer(origin, target, shortening(origin, self.extent)));

@@ -19,11 +19,8 @@ use crate::panels::lights::{ADDED, heard};
 use crate::panels::status::LampNote;
 use crate::session::SceneOfBake;
 use crate::session::lamps::LampLight;
-use crate::viewport::gizmo::{AimWhileMoving, Surface, move_to, surface_along};
-use crate::viewport::placing::{fitting_strength, placed};
-
-/// How far a copy stands beside the lamp, of its distance to the camera.
-const BESIDE: f32 = 0.06;
+use crate::viewport::gizmo::{AimWhileMoving, Surface, move_to, surface_behind_glass};
+use crate::viewport::placing::{beside, fitting_strength, placed, sized};
 
 impl App {
     /// What can be done with lamps in what is open.
@@ -111,8 +108,10 @@ impl App {
         let (width, height) = (film.width as f32, film.height as f32);
         let px = at_px.map_or(Vec2::new(0.5 * width, 0.5 * height), Vec2::from);
         let (eye, direction) = (camera.position(), camera.direction(film, px));
-        let surface = surface_along(&scene, eye, direction);
         let in_the_air = || Surface { position: eye + direction * (0.3 * scene.diameter()), normal: -direction };
+        let surface = surface_behind_glass(&scene, eye, direction).unwrap_or_else(in_the_air);
+        let distance_m = surface.position.distance(eye);
+        let shape = sized(shape, distance_m);
         let key = self.free_name(kind_words(&shape));
         let (setting, origin) = (LightSetting::default(), Vec3::ZERO);
         let (unit, own) = (shape.units()[0], 1.0);
@@ -127,8 +126,9 @@ impl App {
             turn_rad: 0.0,
             replaces: None,
         };
-        let lamp = placed(lamp, surface.unwrap_or_else(in_the_air), eye, &scene);
-        let (strength, unit) = strength.unwrap_or_else(|| fitting_strength(&lamp, self.follower.shown_ev(), &scene));
+        let lamp = placed(lamp, surface, eye, &scene);
+        let fitting = || fitting_strength(&lamp, self.follower.shown_ev(), &scene, distance_m);
+        let (strength, unit) = strength.unwrap_or_else(fitting);
         let lamp = FreeLamp { strength, unit, ..lamp };
         self.as_one_step(|app| {
             // A master that stands over all added lamps stands over this one.
@@ -189,11 +189,10 @@ impl App {
         let name = self.look.name_of(&lamp.key);
         let stem = name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end();
         let mut copy = FreeLamp { key: self.free_name(stem), replaces: None, ..lamp };
-        // To the right in the picture, so that it is seen beside the first one.
-        if let Some((_, camera, _)) = self.lamp_view() {
-            let right = camera.world_from_camera.x_axis.truncate();
-            let beside = copy.position + right * (BESIDE * copy.position.distance(camera.position()));
-            move_to(&mut copy, beside, AimWhileMoving::GoesAlong);
+        // In the picture it is seen beside the first one.
+        if let Some((scene, camera, _)) = self.lamp_view() {
+            let place = beside(copy.position, &camera, &scene);
+            move_to(&mut copy, place, AimWhileMoving::GoesAlong);
         }
         groups::join(&mut self.look.lights, of, &copy.key);
         let key = copy.key.clone();

@@ -13,13 +13,14 @@ use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightRig;
 use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::scene::{FacetScattering, Scene};
+use clerestory_transport::scene::Scene;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 
 use super::console::Console;
 use super::view::{View, import_scene, load_scene};
 use crate::illuminance::AddedLux;
 use crate::look::Look;
+use crate::session::as_baked;
 
 /// Samples of a pixel that are kept at once; others take their place until there were enough.
 const SAMPLES: u32 = 4;
@@ -99,7 +100,7 @@ pub(super) fn added_lux(lamps: &[LampLight]) -> AddedLux {
 }
 
 impl LampLight {
-    /// Of each lamp of a look whose picture was baked from a scene.
+    /// Of each lamp of a look that is on, whose picture was baked from a scene.
     pub fn of(
         bake: &Bake,
         look: &Look,
@@ -107,8 +108,9 @@ impl LampLight {
         (arriving, n_samples): (Arriving, u32),
         console: &mut Console,
     ) -> Result<Vec<LampLight>> {
-        let lamps = &look.lights.lit_lamps();
-        let Some((scene, camera)) = stage(bake, lamps, scene, console)? else { return Ok(Vec::new()) };
+        let mut lamps = look.lights.lit_lamps();
+        lamps.retain(|lamp| !lamp.setting.muted);
+        let Some((scene, camera)) = stage(bake, &lamps, scene, console)? else { return Ok(Vec::new()) };
         let scene = Arc::new(scene);
         let alone = |lamp: &FreeLamp| prepared(std::slice::from_ref(lamp), path, &mut *console);
         let each: Vec<PreparedLamps> = lamps.iter().map(alone).collect::<Result<_>>()?;
@@ -137,14 +139,15 @@ impl LampLight {
     }
 }
 
-/// Where lamps shine that are to be added to a baked picture: the scene of the bake and its camera; none without lamps.
+/// Where lamps shine that are to be added to a baked picture: the scene of the bake and its camera; none without lamps that are
+/// on.
 pub(super) fn stage(
     bake: &Bake,
     lamps: &[FreeLamp],
     scene: Option<&Path>,
     console: &mut Console,
 ) -> Result<Option<(PreparedScene, Camera)>> {
-    if lamps.is_empty() {
+    if lamps.iter().all(|lamp| lamp.setting.muted) {
         return Ok(None);
     }
     if bake.header.basis.is_measured() {
@@ -211,31 +214,21 @@ fn arriving_light(scene: &PreparedScene, camera: &Camera, film: Film, lamps: &[P
     sums
 }
 
-/// A scene as a bake has it, with or without energy compensation, and the camera of the bake; `None` where it is another scene.
-fn baked_of(header: &BakeHeader, mut scene: Scene) -> Option<(Scene, Camera)> {
-    for scattering in [FacetScattering::Multiple, FacetScattering::Single] {
-        scene.set_facet_scattering(scattering);
-        if let Some(camera) = header.camera_in(&scene).cloned() {
-            return Some((scene, camera));
-        }
-    }
-    None
-}
-
 /// The scene of a bake and its camera.
 pub(super) fn open(header: &BakeHeader, path: &Path, console: &mut Console) -> Result<(PreparedScene, Camera)> {
     let imported = load_scene(path, &header.skips.into(), console)?;
-    let mut found = baked_of(header, imported.scene);
+    let baked_of = |mut scene: Scene| as_baked(header, &mut scene).map(|(camera, _)| (scene, camera));
+    let mut found = baked_of(imported.scene);
     for variant in imported.report.variants {
         if found.is_none() {
             let choice = Choice { skips: header.skips, variant: Some(variant) };
-            found = baked_of(header, import_scene(path, &choice)?.scene);
+            found = baked_of(import_scene(path, &choice)?.scene);
         }
     }
     let Some((scene, camera)) = found else {
         bail!(
-            "{} is not the scene that was baked: its geometry, materials, lights or camera differ (lamps that --ies, --unitless or \
-             --sun-size changed count as well); name the same file, or bake again",
+            "{} is not the scene that was baked: its geometry, materials, lights or camera differ (lamps that --ies or --sun-size \
+             changed count as well); name the same file, or bake again",
             path.display()
         );
     };

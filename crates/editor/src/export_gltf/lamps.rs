@@ -4,7 +4,7 @@ use std::f32::consts::{PI, TAU};
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use clerestory_transport::lamps::{FreeLamp, LampShape, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, LEAST_CONE_RAD, LampShape, PreparedLamps};
 use clerestory_transport::photometry::PhotometricProfile;
 use clerestory_transport::prepared::PreparedScene;
 use glam::{Mat3, Quat, Vec3};
@@ -93,7 +93,7 @@ fn punctual(document: &mut Document, lamp: &FreeLamp, light: Vec3) -> Value {
     match lamp.shape {
         LampShape::Spot { inner_rad, outer_rad } => {
             own["type"] = "spot".into();
-            own["spot"] = json!({ "innerConeAngle": inner_rad, "outerConeAngle": outer_rad });
+            own["spot"] = json!({ "innerConeAngle": inner_rad, "outerConeAngle": outer_rad.max(LEAST_CONE_RAD) });
         }
         LampShape::Directional => own["type"] = "directional".into(),
         _ => {}

@@ -20,6 +20,8 @@ const SIZE_M: std::ops::RangeInclusive<f64> = 0.0..=1e4;
 const CONE_DEG: std::ops::RangeInclusive<f64> = 0.0..=90.0;
 /// Turns about the aim.
 const TURN_DEG: std::ops::RangeInclusive<f64> = -360.0..=360.0;
+/// Strongest in whatever unit.
+pub const MOST_STRENGTH: f32 = 1e9;
 /// Lamps of one look.
 const MAX_LAMPS: usize = 1000;
 /// Members that every lamp has.

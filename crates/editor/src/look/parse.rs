@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 
 use super::marked::MOST_MARKED;
 use super::place::{self, Step};
-use super::{Display, LOOK_VERSION, Look, damage};
+use super::{Display, LOOK_VERSION, Look, damage, repeated};
 
 /// Multipliers of a lamp.
 pub(super) const INTENSITY: RangeInclusive<f64> = 0.0..=1e9;
@@ -59,6 +59,7 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
         }
         Err(error) => return Err(error).context("it is not JSON; see the example in docs/cli.md"),
     };
+    warnings.extend(repeated::warnings(text));
     let (path, steps) = (String::new(), Vec::new());
     let mut reader = Reader { warnings: &mut warnings, path, steps, text, on_fault };
     let document = reader.object(&value)?;
@@ -130,9 +131,8 @@ impl Reader<'_> {
     /// Reads something one step deeper, so that complaints carry the whole path, and the line and column.
     fn at<T>(&mut self, step: impl Into<Step>, read: impl FnOnce(&mut Reader) -> Result<T>) -> Result<T> {
         let step = step.into();
-        let separator = if self.path.is_empty() || matches!(step, Step::Item(_)) { "" } else { "." };
-        let path = format!("{}{separator}{step}", self.path);
         let steps = [self.steps.as_slice(), &[step]].concat();
+        let path = place::path(&steps);
         let (text, on_fault) = (self.text, self.on_fault);
         let mut deeper = Reader { warnings: self.warnings, path, steps, text, on_fault };
         read(&mut deeper).map_err(|error| place::located(error, text, &deeper.steps))

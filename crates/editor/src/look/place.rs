@@ -34,6 +34,16 @@ impl fmt::Display for Step {
     }
 }
 
+/// What people call a place.
+pub(super) fn path(steps: &[Step]) -> String {
+    let mut path = String::new();
+    for step in steps {
+        let separator = if path.is_empty() || matches!(step, Step::Item(_)) { "" } else { "." };
+        path = format!("{path}{separator}{step}");
+    }
+    path
+}
+
 /// A complaint that says where.
 #[derive(Debug)]
 struct Located(String);
@@ -70,7 +80,7 @@ pub(super) fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
 }
 
 /// Where the value of a member begins in valid JSON; of members of one name the last, which is the one that counts.
-fn offset(text: &[u8], steps: &[Step]) -> Option<usize> {
+pub(super) fn offset(text: &[u8], steps: &[Step]) -> Option<usize> {
     let mut at = after_space(text, 0);
     for step in steps {
         at = member(text, at, step)?;

@@ -1,6 +1,6 @@
 //! Free lamps in the list of lights: a row each, and what the chosen one is like.
 
-use clerestory_transport::lamps::{FreeLamp, LampShape};
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use clerestory_transport::light::{LightRig, luminance};
 use eframe::egui::{self, Button, Color32, ComboBox, Grid, Label, Modifiers, Pos2, RichText, Ui};
 use glam::Vec3;
@@ -10,6 +10,7 @@ use super::lights::names::{Renaming, name_field_ui};
 use super::number::{Number, before_drag};
 use crate::action::{Action, FileTask};
 use crate::look::Look;
+use crate::look::lamps::MOST_STRENGTH;
 use crate::viewport::gizmo::{AimWhileMoving, Drag, move_to};
 
 /// What is remembered of free lamps and no look holds.
@@ -212,23 +213,33 @@ fn strength_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
     ui.label(RichText::new("Strength").weak());
     ui.horizontal(|ui| {
         let speed = (0.01 * f64::from(lamp.strength)).max(0.01);
-        let number = Number::new(&mut lamp.strength).range(0.0..=1e9).speed(speed).max_decimals(2);
-        let tip = format!("Strength at intensity 1×, in {}", lamp.unit.name());
+        let number = Number::new(&mut lamp.strength).range(0.0..=MOST_STRENGTH).speed(speed).max_decimals(2);
+        let tip = format!(
+            "Strength at intensity 1×, in {} where the lamp is white: a color lets a part of each channel through",
+            lamp.unit.name()
+        );
         ui.add(number).on_hover_text(tip).accessible_name(format!("{name} strength"));
         let (before, mut unit) = (lamp.unit, lamp.unit);
         let combo = ComboBox::from_id_salt("unit").width(56.0).selected_text(unit.name()).show_ui(ui, |ui| {
             for one in lamp.shape.units() {
-                ui.selectable_value(&mut unit, *one, one.name());
+                let fits = *one == before || strength_within(lamp, *one).is_some();
+                let item = ui.add_enabled_ui(fits, |ui| ui.selectable_value(&mut unit, *one, one.name())).inner;
+                item.on_disabled_hover_text("It would take another strength than a lamp can have, 0 to 10⁹");
             }
         });
         combo.response.accessible_name(format!("{name} unit")).on_hover_text("The light stays as it is");
         if unit != before
-            && let Some(strength) = lamp.strength_in(unit)
+            && let Some(strength) = strength_within(lamp, unit)
         {
             (lamp.strength, lamp.unit) = (strength, unit);
         }
     });
     ui.end_row();
+}
+
+/// The strength of a lamp in another unit, if it can be set.
+fn strength_within(lamp: &FreeLamp, unit: LampUnit) -> Option<f32> {
+    lamp.strength_in(unit).filter(|strength| (0.0..=MOST_STRENGTH).contains(strength))
 }
 
 fn shape_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {

@@ -122,26 +122,34 @@ fn scene_of(header: &BakeHeader, path: PathBuf, stop: &Stop) -> Result<FoundScen
     anyhow::ensure!(path.is_file(), "{} is not there", path.display());
     let mut scene = import::load_until(&path, Skips::default(), stop)?.scene;
     let (lamps, mut chosen) = (scene.punctual.clone(), chosen_for(&header.basis));
-    // With energy compensation, or baked without.
+    let (camera, units) = as_baked(header, &mut scene).with_context(|| {
+        format!(
+            "{} is not the scene that was baked: its geometry, materials, lights or camera differ (a variant of its materials, or \
+             lamps that --ies or --sun-size changed, count as well); name the same file, or bake it again",
+            path.display()
+        )
+    })?;
+    chosen.units = units;
+    let sky = chosen.sky.as_ref().and_then(ChosenSky::request);
+    let prepared = PreparedScene::until(scene, &chosen.panels, sky.as_ref(), Skips::default(), stop);
+    let (scene, _) = prepared.context("its lights cannot be used")?;
+    Ok(FoundScene { scene: Box::new(scene), camera, path: absolute(&path), lamps, chosen })
+}
+
+/// Makes a scene what it was when it was baked: with energy compensation or without, its lamps counted in candela or unitless.
+/// The camera of the bake, and how lamps are counted; `None` of another scene.
+pub(crate) fn as_baked(header: &BakeHeader, scene: &mut Scene) -> Option<(Camera, LampUnits)> {
     let seen_from = |scene: &mut Scene| {
         [FacetScattering::Multiple, FacetScattering::Single].into_iter().find_map(|scattering| {
             scene.set_facet_scattering(scattering);
             header.camera_in(scene).cloned()
         })
     };
-    let mut camera = seen_from(&mut scene);
-    if camera.is_none() {
-        assume_unitless(&mut scene);
-        chosen.units = LampUnits::Unitless;
-        camera = seen_from(&mut scene);
+    if let Some(camera) = seen_from(scene) {
+        return Some((camera, LampUnits::Photometric));
     }
-    let camera = camera.with_context(|| {
-        format!("{} is another scene than was baked, or has changed since; bake it again", path.display())
-    })?;
-    let sky = chosen.sky.as_ref().and_then(ChosenSky::request);
-    let prepared = PreparedScene::until(scene, &chosen.panels, sky.as_ref(), Skips::default(), stop);
-    let (scene, _) = prepared.context("its lights cannot be used")?;
-    Ok(FoundScene { scene: Box::new(scene), camera, path: absolute(&path), lamps, chosen })
+    assume_unitless(scene);
+    seen_from(scene).map(|camera| (camera, LampUnits::Unitless))
 }
 
 fn absolute(path: &Path) -> PathBuf {

@@ -3,7 +3,7 @@
 use clerestory_transport::bvh::Ray;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, LampShape};
-use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::prepared::{PreparedScene, SurfaceHit};
 use clerestory_transport::sampler::Sampler;
 use eframe::egui::{Pos2, Rect, vec2};
 use glam::{Vec2, Vec3};
@@ -64,9 +64,9 @@ impl Sight<'_> {
         (depth > 1e-6).then_some(meters)
     }
 
-    /// The surface that is seen at a place on the screen.
+    /// The surface that is seen at a place on the screen, through panes.
     pub fn surface(&self, at: Pos2) -> Option<Surface> {
-        surface_along(self.scene, self.camera.position(), self.direction(at))
+        surface_behind_glass(self.scene, self.camera.position(), self.direction(at))
     }
 
     /// Unit direction into the picture.
@@ -93,9 +93,30 @@ impl Sight<'_> {
 /// The first surface along a ray, its normal towards where the ray comes from.
 pub fn surface_along(scene: &PreparedScene, origin: Vec3, direction: Vec3) -> Option<Surface> {
     let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
-    let hit = scene.closest_seen(&ray, &mut Sampler::new(0, 0, 0))?;
+    scene.closest_seen(&ray, &mut Sampler::new(0, 0, 0)).map(|hit| facing(&hit, direction))
+}
+
+/// The same for who looks through panes: what is behind them, or the first of them where nothing is.
+pub fn surface_behind_glass(scene: &PreparedScene, origin: Vec3, direction: Vec3) -> Option<Surface> {
+    let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+    scene.closest_behind_glass(&ray, &mut Sampler::new(0, 0, 0)).map(|hit| facing(&hit, direction))
+}
+
+fn facing(hit: &SurfaceHit, direction: Vec3) -> Surface {
     let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
-    Some(Surface { position: hit.position, normal })
+    Surface { position: hit.position, normal }
+}
+
+/// What of a distance away from a surface lies before the next one, m.
+pub fn free_m(scene: &PreparedScene, surface: &Surface, away: Vec3, wanted_m: f32) -> f32 {
+    let clear = 1e-3 * wanted_m + 1e-6 * surface.position.abs().max_element();
+    let next = surface_along(scene, surface.position + surface.normal * clear, away);
+    next.map_or(wanted_m, |next| next.position.distance(surface.position).min(wanted_m))
+}
+
+/// The place so far before a surface, but at most half way to the next one.
+fn before(scene: &PreparedScene, surface: &Surface, standoff_m: f32) -> Vec3 {
+    surface.position + surface.normal * (0.5 * free_m(scene, surface, surface.normal, 2.0 * standoff_m))
 }
 
 /// How far along an axis the point is that is nearest to a ray, in units of the axis; `None` where they are all but parallel.
@@ -115,11 +136,18 @@ pub fn meet_plane(point: Vec3, normal: Vec3, origin: Vec3, direction: Vec3) -> O
     (along.abs() > LEAST_SINE && t > 0.0).then(|| origin + direction * t)
 }
 
+/// How large things are that are seen from `distance_m` and would be a room: 1 where that is a distance in a room.
+pub fn scale_of(distance_m: f32) -> f32 {
+    let [near, far] = [1.0, 10.0];
+    (distance_m / distance_m.clamp(near, far)).max(1e-6)
+}
+
 /// How far the middle of a lamp stays from the surface that it is put on, meters: its own size, and a hand's breadth seen
 /// from `distance_m`.
 pub fn standoff_m(shape: &LampShape, distance_m: f32) -> f32 {
     let body = if let LampShape::Sphere { radius_m } = shape { *radius_m } else { 0.0 };
-    body + (0.04 * distance_m).clamp(0.02, 0.3)
+    let scale = scale_of(distance_m);
+    body + (0.04 * distance_m).clamp(0.02 * scale, 0.3 * scale)
 }
 
 /// What happens to the aim when a lamp is moved.
@@ -215,7 +243,7 @@ impl Drag {
             }
             Part::Plane(axis) => sight.on_plane(start, AXES[axis], self.at).map(|place| start + place - self.taken),
             Part::Body if held.free => sight.on_plane(lamp.position, sight.forward(), self.at),
-            Part::Body => sight.surface(self.at).map(|surface| surface.position + surface.normal * self.standoff_m),
+            Part::Body => sight.surface(self.at).map(|surface| before(sight.scene, &surface, self.standoff_m)),
             Part::Aim => {
                 if let Some(aim) = self.aim(sight, lamp, held) {
                     moved.point(moved.position, aim);
@@ -236,8 +264,8 @@ impl Drag {
 }
 
 /// A lamp of a shape where a surface is seen, shining away from it.
-pub fn put_on(mut lamp: FreeLamp, surface: Surface, eye: Vec3) -> FreeLamp {
-    lamp.position = surface.position + surface.normal * standoff_m(&lamp.shape, surface.position.distance(eye));
+pub fn put_on(mut lamp: FreeLamp, surface: Surface, eye: Vec3, scene: &PreparedScene) -> FreeLamp {
+    lamp.position = before(scene, &surface, standoff_m(&lamp.shape, surface.position.distance(eye)));
     lamp.aim = if lamp.shape.is_aimed() { lamp.position + surface.normal } else { below(lamp.position) };
     lamp
 }

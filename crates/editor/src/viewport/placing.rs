@@ -1,12 +1,15 @@
-//! Where a lamp that is added hangs, and how strong it is: so that it lights the room as somebody expects who clicked there.
+//! Where a lamp that is added hangs, how large and how strong it is: so that it lights the room as somebody expects who clicked
+//! there. Lengths are those of a room; what is seen from closer or from farther away than that is a model of one, or a landscape.
 
 use std::f32::consts::PI;
 
+use clerestory_transport::camera::Camera;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use clerestory_transport::prepared::PreparedScene;
 use glam::Vec3;
 
-use super::gizmo::{Surface, put_on, surface_along};
+use super::gizmo::{Surface, free_m, put_on, scale_of, surface_along, surface_behind_glass};
+use crate::look::lamps::MOST_STRENGTH;
 
 /// Downward part of a normal from which on a surface is a ceiling.
 const CEILING: f32 = 0.7;
@@ -22,36 +25,64 @@ const BRIGHT: f32 = 0.5;
 const REFLECTANCE: f32 = 0.5;
 /// Fluxes that a new lamp may have, lumen.
 const LUMEN: [f32; 2] = [50.0, 20_000.0];
-/// Steps of fluxes within a power of ten.
+/// How far a copy stands beside the lamp, of its distance to the camera.
+const BESIDE: f32 = 0.06;
+/// Steps of fluxes and of sizes within a power of ten.
 const STEPS: [f32; 7] = [1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0];
+
+/// A shape of a size that suits what is seen from `distance_m`.
+pub fn sized(shape: LampShape, distance_m: f32) -> LampShape {
+    let scale = scale_of(distance_m);
+    let scaled = |size: f32| if scale == 1.0 { size } else { round(scale * size) };
+    match shape {
+        LampShape::Rectangle { size_m } => LampShape::Rectangle { size_m: size_m.map(scaled) },
+        LampShape::Disk { radius_m } => LampShape::Disk { radius_m: scaled(radius_m) },
+        LampShape::Sphere { radius_m } => LampShape::Sphere { radius_m: scaled(radius_m) },
+        other => other,
+    }
+}
 
 /// A lamp where a surface was clicked on. On a ceiling it hangs and shines down. What shines to one side lights any other place:
 /// from above a floor or a table, from before and above a wall, as a picture is lit.
 pub fn placed(mut lamp: FreeLamp, surface: Surface, eye: Vec3, scene: &PreparedScene) -> FreeLamp {
     if !lamp.shape.is_aimed() || surface.normal.y < -CEILING {
-        return put_on(lamp, surface, eye);
+        return put_on(lamp, surface, eye, scene);
     }
     let away = (surface.normal + Vec3::Y).normalize_or(surface.normal);
-    let next = surface_along(scene, surface.position + surface.normal * 0.01, away);
-    let room = next.map_or(f32::INFINITY, |next| next.position.distance(surface.position));
-    lamp.position = surface.position + away * HANGS_M.min(OF_ROOM * room);
+    let hangs_m = HANGS_M * scale_of(surface.position.distance(eye));
+    lamp.position = surface.position + away * (OF_ROOM * free_m(scene, &surface, away, hangs_m / OF_ROOM));
     lamp.aim = surface.position;
     lamp
 }
 
-/// How strong a placed lamp is to be so that what it lights reads well in a picture of some exposure, EV: in round numbers of
-/// its usual unit.
-pub fn fitting_strength(lamp: &FreeLamp, exposure_ev: f32, scene: &PreparedScene) -> (f32, LampUnit) {
+/// How strong a lamp that is placed where one sees from `distance_m` is to be so that what it lights reads well in a picture of
+/// some exposure, EV: in round numbers of its usual unit.
+pub fn fitting_strength(lamp: &FreeLamp, exposure_ev: f32, scene: &PreparedScene, distance_m: f32) -> (f32, LampUnit) {
     let lux = BRIGHT * PI / REFLECTANCE * (-exposure_ev).exp2();
     if lamp.shape == LampShape::Directional {
         return (round(lux), LampUnit::Lux);
     }
-    let ahead = lamp.frame()[2];
-    let lit = surface_along(scene, lamp.position, ahead).filter(|_| lamp.shape.is_aimed());
-    let distance_m = lit.map_or(AROUND_M, |lit| lit.position.distance(lamp.position).clamp(LIT_M[0], LIT_M[1]));
+    let (ahead, scale) = (lamp.frame()[2], scale_of(distance_m));
+    let lit = surface_behind_glass(scene, lamp.position, ahead).filter(|_| lamp.shape.is_aimed());
+    let [near, far] = LIT_M.map(|lit_m| scale * lit_m);
+    let lit_m = lit.map_or(scale * AROUND_M, |lit| lit.position.distance(lamp.position).clamp(near, far));
     let lumen = FreeLamp { strength: 1.0, unit: LampUnit::Lumen, ..lamp.clone() };
     let candela_per_lumen = lumen.strength_in(LampUnit::Candela).unwrap_or(1.0 / (4.0 * PI));
-    (round((lux * distance_m * distance_m / candela_per_lumen).clamp(LUMEN[0], LUMEN[1])), LampUnit::Lumen)
+    let [least, most] = LUMEN.map(|lumen| scale * scale * lumen);
+    (round((lux * lit_m * lit_m / candela_per_lumen).clamp(least, most)).min(MOST_STRENGTH), LampUnit::Lumen)
+}
+
+/// Where the copy of a lamp stands: beside it as a camera sees it, to the right if there is room, else to the left, at most half
+/// way to the next surface.
+pub fn beside(place: Vec3, camera: &Camera, scene: &PreparedScene) -> Vec3 {
+    let right = camera.world_from_camera.x_axis.truncate();
+    let wanted_m = BESIDE * place.distance(camera.position());
+    let half_way = |side: Vec3| {
+        let next = surface_along(scene, place, side);
+        next.map_or(wanted_m, |next| wanted_m.min(0.5 * next.position.distance(place)))
+    };
+    let [to_right, to_left] = [right, -right].map(half_way);
+    place + if to_right >= to_left { right * to_right } else { right * -to_left }
 }
 
 /// The nearest step.
@@ -112,13 +143,81 @@ mod tests {
         let scene = scene();
         let below = surface_along(&scene, Vec3::new(0.2, 0.0, 0.1), Vec3::NEG_Y).unwrap();
         let hung = placed(spot(), below, Vec3::ZERO, &scene);
-        let (strength, unit) = fitting_strength(&hung, -6.0, &scene);
+        let (strength, unit) = fitting_strength(&hung, -6.0, &scene, 2.0);
         let lit = FreeLamp { strength, unit, ..hung.clone() };
         let lux = lit.strength_in(LampUnit::Candela).unwrap() / hung.position.distance(hung.aim).powi(2);
         // ½ · 64 nit of a surface that sends back half.
         let wanted = 32.0 * PI / 0.5;
         assert!(lux > wanted / 1.3 && lux < wanted * 1.3, "{lux} lx for {wanted}");
-        assert!(fitting_strength(&hung, -9.0, &scene).0 > 4.0 * strength);
+        assert!(fitting_strength(&hung, -9.0, &scene, 2.0).0 > 4.0 * strength);
         assert_eq!([1234.0, 87.0, 9.6].map(round), [1500.0, 100.0, 10.0]);
+    }
+
+    #[test]
+    fn in_a_model_of_a_room_lamps_are_placed_as_in_the_room() {
+        let mut model = scene().scene;
+        model.mesh.positions.iter_mut().for_each(|position| *position *= 0.01);
+        let model = PreparedScene::new(model, &[]).unwrap().0;
+        let globe = FreeLamp { shape: LampShape::Sphere { radius_m: 0.1 }, ..spot() };
+        let shine = |scene: &PreparedScene, lamp: &FreeLamp, scale: f32, direction: Vec3| {
+            let surface = surface_along(scene, Vec3::new(0.2, 0.0, 0.1) * scale, direction).unwrap();
+            let distance_m = surface.position.length();
+            let lamp = FreeLamp { shape: sized(lamp.shape.clone(), distance_m), ..lamp.clone() };
+            let lamp = placed(lamp, surface, Vec3::ZERO, scene);
+            let (strength, unit) = fitting_strength(&lamp, -6.0, scene, distance_m);
+            FreeLamp { strength, unit, ..lamp }
+        };
+        for direction in [Vec3::Y, Vec3::NEG_Y, Vec3::NEG_Z] {
+            for lamp in [spot(), globe.clone()] {
+                let small = shine(&model, &lamp, 0.01, direction);
+                let room = shine(&scene(), &lamp, 1.0, direction);
+                let what = format!("{small:?} in a model of {room:?}");
+                assert!(small.position.abs().max_element() < 0.01, "{what}");
+                assert!((small.position * 100.0).distance(room.position) < 0.1, "{what}");
+                let ratio = room.strength / small.strength;
+                assert!((5e3..2e4).contains(&ratio), "{what}: {ratio}");
+                if let LampShape::Sphere { radius_m } = small.shape {
+                    assert!((radius_m - 1e-3).abs() < 1e-6, "{what}");
+                }
+            }
+        }
+        assert_eq!(
+            sized(LampShape::Rectangle { size_m: [0.6, 0.6] }, 3.0),
+            LampShape::Rectangle { size_m: [0.6, 0.6] }
+        );
+        assert_eq!(sized(LampShape::Disk { radius_m: 0.15 }, 1000.0), LampShape::Disk { radius_m: 15.0 });
+    }
+
+    #[test]
+    fn a_lamp_comes_no_nearer_to_the_next_surface_than_to_its_own() {
+        let scene = scene();
+        // A nook of 4 cm under the ceiling, seen from the middle of the room.
+        let ceiling = surface_along(&scene, Vec3::new(0.2, 0.96, 0.1), Vec3::Y).unwrap();
+        let mut shelf = scene.scene.clone();
+        let first = shelf.mesh.positions.len() as u32;
+        shelf
+            .mesh
+            .positions
+            .extend([[-0.5, -0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, 0.5]].map(|[x, z]| Vec3::new(x, 0.96, z)));
+        shelf.mesh.normals.extend([Vec3::Y; 4]);
+        shelf.mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 3, first + 1]]);
+        shelf.mesh.triangle_material.extend([0; 2]);
+        shelf.mesh.triangle_node.extend([0; 2]);
+        let shelf = PreparedScene::new(shelf, &[]).unwrap().0;
+        let bulb = || FreeLamp { shape: LampShape::Point, ..spot() };
+        assert!(placed(bulb(), ceiling, Vec3::ZERO, &scene).position.y < 0.97);
+        let within = placed(bulb(), ceiling, Vec3::ZERO, &shelf).position.y;
+        assert!((within - 0.98).abs() < 1e-3, "{within}");
+    }
+
+    #[test]
+    fn a_copy_stands_beside_its_lamp_and_within_the_room() {
+        let scene = scene();
+        let camera = &scene.scene.cameras[0];
+        let copied = |place: Vec3| beside(place, camera, &scene) - place;
+        let middle = copied(Vec3::new(0.0, 0.2, -0.9));
+        assert!(middle.x > 0.1 && middle.y.abs() < 1e-4, "to the right: {middle}");
+        let by_the_wall = copied(Vec3::new(0.95, 0.2, -0.9));
+        assert!(by_the_wall.x < -0.1, "to the left: {by_the_wall}");
     }
 }

@@ -8,7 +8,9 @@ use super::body::{Body, BodyPoint, in_cone};
 use super::rectangle::SeenRectangle;
 use crate::emitters::punctual_falloff;
 use crate::photometry::PhotometricProfile;
+use crate::prepared::PreparedScene;
 use crate::scene::PunctualLight;
+use crate::slabs::Route;
 
 /// A free lamp at emission 1: 1 cd along the axis, 1 lx or 1 nit.
 #[derive(Clone, Debug)]
@@ -46,6 +48,14 @@ pub(crate) struct Lit {
     pub factor: f32,
     /// One over the density per solid angle, 0 for a lamp without size.
     pub spread_sr: f32,
+}
+
+/// A way to a point of a lamp through the slabs in between.
+#[derive(Clone, Copy)]
+pub(crate) struct Way {
+    pub route: Route,
+    /// Where it ends, m; `None` for light from far away.
+    pub end: Option<Vec3>,
 }
 
 /// A lamp without size has this one next to it: closer than that it is not brighter, m.
@@ -117,6 +127,28 @@ impl Lamp {
             Form::Distant(_) => None,
             Form::Body(body) => lit_by(point, body.area(), position),
         }
+    }
+
+    /// The way from a place to the point of the lamp that [`Lamp::point`] takes, through the slabs in between; `None` where there
+    /// are none.
+    #[inline]
+    pub(crate) fn way(&self, scene: &PreparedScene, position: Vec3, u: Vec2, far: f32) -> Option<Way> {
+        let slabs = &scene.slabs;
+        if slabs.is_empty() {
+            return None;
+        }
+        if let Form::Distant(direction) = self.form {
+            return Some(Way { route: slabs.route_beyond(position, -direction, far)?, end: None });
+        }
+        let end = self.point(u)?.position;
+        Some(Way { route: slabs.route(position, end)?, end: Some(end) })
+    }
+
+    /// What the point at the end of a way sends to the place where it begins.
+    pub(crate) fn lit_along(&self, way: &Way, position: Vec3, u: Vec2, far: f32) -> Option<Lit> {
+        // From there the lamp looks, without slabs, as it does from here through them.
+        let eye = way.end.map_or(position, |end| end - way.route.direction / way.route.closeness.sqrt());
+        self.lit(eye, u, far)
     }
 
     /// The body, if there is one to be seen.
@@ -195,8 +227,8 @@ mod tests {
     use std::f32::consts::PI;
 
     use super::*;
-    use crate::lamps::LampShape;
-    use crate::lamps::tests::lamp;
+    use crate::lamps::tests::{ONE_SIDED, lamp};
+    use crate::lamps::{FreeLamp, LampShape, PreparedLamps};
     use crate::sampler::Sampler;
 
     fn of(shape: LampShape) -> Lamp {
@@ -262,7 +294,7 @@ mod tests {
 
     #[test]
     fn a_point_lamp_follows_the_inverse_square_down_to_its_own_size() {
-        let prepared = super::super::PreparedLamps::new(&[lamp(LampShape::Point)], None).expect("a lamp").0;
+        let prepared = PreparedLamps::new(&[lamp(LampShape::Point)], None).expect("a lamp").0;
         let point = &prepared.lamps()[0].lamp;
         let factor = |distance: f32| {
             let lit = point.lit(Vec3::new(0.0, 1.0 - distance, 0.0), Vec2::ZERO, 1e3);
@@ -270,5 +302,28 @@ mod tests {
         };
         assert!((factor(0.5) - 4.0).abs() < 1e-4 && (factor(0.1) - 100.0).abs() < 1e-2);
         assert!((factor(1e-3) - 1e4).abs() < 1.0 && factor(0.0) == 0.0);
+    }
+
+    #[test]
+    fn a_measured_distribution_lies_as_its_lamp_is_turned() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("one-sided.ies"), ONE_SIDED).expect("the folder can be written");
+        let [right, up, down, left] = [Vec3::X, Vec3::Y, Vec3::NEG_Y, Vec3::NEG_X];
+        for (ahead, turn_deg, sides) in [
+            (Vec3::NEG_Z, 0.0, [right, up, down, left]),
+            (Vec3::NEG_Z, 90.0, [down, right, left, up]),
+            (Vec3::NEG_Y, 0.0, [right, Vec3::NEG_Z, Vec3::Z, left]),
+            (Vec3::NEG_Y, 90.0, [Vec3::Z, right, left, Vec3::NEG_Z]),
+        ] {
+            let plain = lamp(LampShape::Profile { file: "one-sided.ies".into() });
+            let of = FreeLamp { aim: plain.position + ahead, turn_rad: f32::to_radians(turn_deg), ..plain };
+            let lamps = PreparedLamps::new(std::slice::from_ref(&of), Some(folder.path())).expect("a lamp").0;
+            for (side, candela) in sides.into_iter().zip([900.0, 500.0, 250.0, 100.0]) {
+                let place = of.position + ahead * 30f32.to_radians().cos() + side * 0.5;
+                let found = lamps.lamps()[0].lamp.lit(place, Vec2::ZERO, 1e3).map_or(0.0, |lit| lit.factor);
+                let what = format!("towards {ahead}, turned by {turn_deg}°, to {side}");
+                assert!((found - candela / 900.0).abs() < 1e-3, "{what}: {found}");
+            }
+        }
     }
 }

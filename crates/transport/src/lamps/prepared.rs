@@ -14,9 +14,10 @@ use super::{FreeLamp, LampShape};
 use crate::clearance::{offset_origin, rounding};
 use crate::import::read_profile;
 use crate::patches::PatchSample;
+use crate::path::passed_along;
 use crate::photometry::PhotometricProfile;
 use crate::prepared::PreparedScene;
-use crate::scene::{PunctualKind, PunctualLight};
+use crate::scene::PunctualLight;
 
 /// Why a lamp cannot shine.
 #[derive(Debug, Error)]
@@ -97,8 +98,8 @@ const POINTS: usize = 16;
 const FEW_POINTS: usize = 4;
 
 impl PreparedLamps {
-    /// Checks lamps and converts their units; those that are dark are left out. Paths of distributions count from `folder`.
-    /// Returns warnings in words beside it.
+    /// Checks lamps and converts their units; those that are dark are left out, and of muted ones no file is read. Paths of
+    /// distributions count from `folder`. Returns warnings in words beside it.
     ///
     /// # Errors
     /// A lamp whose numbers make no sense, by its name.
@@ -174,6 +175,42 @@ impl PreparedLamp {
 
     /// Illuminance at emission 1, light of each direction times a response to its cosine; of a body by some of its points, [`POINTS`] at most.
     fn arriving(&self, scene: &PreparedScene, place: &Place, n_points: usize, response: impl Fn(f32) -> f32) -> Vec3 {
+        let straight = self.arriving_straight(scene, place, n_points, &response);
+        if scene.slabs.is_empty() {
+            return straight;
+        }
+        straight + self.arriving_through_slabs(scene, place, n_points, &response)
+    }
+
+    /// What of it comes through solid panes, which shift it.
+    fn arriving_through_slabs(
+        &self,
+        scene: &PreparedScene,
+        &Place { position, normal, origin, far }: &Place,
+        n_points: usize,
+        response: impl Fn(f32) -> f32,
+    ) -> Vec3 {
+        let n_points = if self.lamp.body().is_some() { n_points } else { 1 };
+        let of_point = |nth: usize| {
+            let u = lattice(nth as u32);
+            let way = self.lamp.way(scene, position, u, far)?;
+            let lit = self.lamp.lit_along(&way, position, u, far)?;
+            let cos = lit.wi.dot(normal);
+            let value = lit.factor * cos * response(cos);
+            let passed = || passed_along(scene, (position, origin), Vec3::ZERO, (&way.route, way.end, far));
+            (cos > 0.0).then(|| passed() * value)
+        };
+        (0..n_points).filter_map(of_point).sum::<Vec3>() / n_points as f32
+    }
+
+    /// What of it comes straight.
+    fn arriving_straight(
+        &self,
+        scene: &PreparedScene,
+        place: &Place,
+        n_points: usize,
+        response: impl Fn(f32) -> f32,
+    ) -> Vec3 {
         let &Place { position, normal, origin, far } = place;
         if self.lamp.body().is_none() {
             let Some(lit) = self.lamp.lit(position, Vec2::ZERO, far) else { return Vec3::ZERO };
@@ -211,6 +248,9 @@ fn prepare(
     warnings: &mut Vec<String>,
 ) -> Result<Option<PreparedLamp>, LampError> {
     check(lamp)?;
+    if lamp.setting.muted {
+        return Ok(None);
+    }
     let profile = match &lamp.shape {
         LampShape::Profile { file } => Some(profile(lamp, file, folder)?),
         _ => None,
@@ -233,10 +273,7 @@ fn prepare(
         (_, Some((body, _))) => Form::Body(body),
         (LampShape::Directional, _) => Form::Distant(ahead),
         (shape, None) => {
-            let kind = match *shape {
-                LampShape::Spot { inner_rad, outer_rad } => PunctualKind::Spot { inner_rad, outer_rad },
-                _ => PunctualKind::Point,
-            };
+            let kind = shape.without_size();
             let light = PunctualLight {
                 node: 0,
                 kind,
@@ -276,8 +313,7 @@ fn check(lamp: &FreeLamp) -> Result<(), LampError> {
     let size = |what, value| within(what, value, [0.0, FARTHEST_M], "meters from 0 to 1000000");
     match lamp.shape {
         LampShape::Spot { inner_rad, outer_rad } => {
-            let pi = std::f32::consts::PI;
-            within("outer angle", outer_rad, [f32::MIN_POSITIVE, pi], "more than 0 degrees, and 180 at most")?;
+            within("outer angle", outer_rad, [0.0, std::f32::consts::PI], "0 to 180 degrees")?;
             within("inner angle", inner_rad, [0.0, outer_rad], "0 degrees to the outer angle")
         }
         LampShape::Rectangle { size_m: [width, height] } => size("width", width).and_then(|()| size("height", height)),

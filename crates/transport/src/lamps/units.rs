@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use super::body::Body;
 use super::{FreeLamp, LampError, LampShape, LampUnit};
+use crate::emitters::spot_rise;
 use crate::photometry::PhotometricProfile;
 use crate::scene::PunctualKind;
 
@@ -22,11 +23,7 @@ pub(super) fn native_strength(
         }
         (_, Some((body, area)), _) => of_body(lamp.unit, strength, area, f64::from(body.area()), 1.0),
         (_, None, profile) => {
-            let kind = match lamp.shape {
-                LampShape::Spot { inner_rad, outer_rad } => PunctualKind::Spot { inner_rad, outer_rad },
-                _ => PunctualKind::Point,
-            };
-            let lumen_per_candela = lumen_per_candela(kind, profile);
+            let lumen_per_candela = lumen_per_candela(lamp.shape.without_size(), profile);
             match lamp.unit {
                 LampUnit::Candela => Some(strength),
                 LampUnit::Lumen => Some(strength / lumen_per_candela),
@@ -72,21 +69,25 @@ pub(crate) fn lumen_per_candela(kind: PunctualKind, profile: Option<&Photometric
     }
 }
 
-/// The integral of glTF's spot falloff `saturate(cosθ · scale + offset)²` over all directions.
+/// The integral of a spot's falloff over all directions.
 fn spot_lumen_per_candela(inner_rad: f32, outer_rad: f32) -> f64 {
-    let (inner, outer) = (f64::from(inner_rad.cos()), f64::from(outer_rad.cos()));
-    let edge = (inner - outer).max(0.001);
-    // Rising to 1 over the edge, as far as there is one within the sphere, and 1 from there to the axis.
-    let rise = edge.min(1.0 - outer);
-    2.0 * PI * (rise.powi(3) / (3.0 * edge * edge) + (1.0 - outer - rise))
+    let [rim, rise] = spot_rise(inner_rad, outer_rad).map(f64::from);
+    // Rising to 1 over a part of the cone, and 1 from there to the axis.
+    let rising = rise.min(rim);
+    2.0 * PI * (rising.powi(3) / (3.0 * rise * rise) + (rim - rising))
 }
 
 #[cfg(test)]
 mod tests {
     use std::f32::consts::{FRAC_PI_2, FRAC_PI_3};
 
+    use glam::Vec3;
+
     use super::*;
+    use crate::emitters::punctual_falloff;
+    use crate::lamps::LEAST_CONE_RAD;
     use crate::lamps::tests::lamp;
+    use crate::scene::PunctualLight;
 
     fn native(shape: LampShape, strength: f32, unit: LampUnit) -> Option<f64> {
         let lamp = FreeLamp { strength, unit, ..lamp(shape) };
@@ -125,6 +126,41 @@ mod tests {
         near(native(sphere(), 1000.0, Lumen), 1000.0 / (pi * pi));
         near(native(sphere(), 1000.0, Candela), 1000.0 / (pi * 0.25));
         near(native(LampShape::Directional, 900.0, Lux), 900.0);
+    }
+
+    #[test]
+    fn spots_send_their_lumen_however_narrow_they_are() {
+        for [inner, outer] in [[0.0, 0.1], [0.0, 1.0], [1.0, 1.0], [1.0, 2.5], [3.0, 3.0], [0.0, 40.0], [30.0, 90.0f32]]
+        {
+            let [inner_rad, outer_rad] = [inner, outer].map(f32::to_radians);
+            let light = PunctualLight {
+                node: 0,
+                kind: PunctualKind::Spot { inner_rad, outer_rad },
+                position: Vec3::ZERO,
+                direction: Vec3::NEG_Y,
+                across: [Vec3::X, Vec3::NEG_Z],
+                profile: None,
+                color: Vec3::ONE,
+                intensity: 1.0,
+                radius_rad: 0.0,
+            };
+            let n = 20_000;
+            let step = f64::from(outer_rad) / f64::from(n);
+            let ring = |nth: u32| {
+                let angle = step * (f64::from(nth) + 0.5);
+                let toward = Vec3::new(angle.sin() as f32, -angle.cos() as f32, 0.0);
+                f64::from(punctual_falloff(&light, &[], toward)) * 2.0 * PI * angle.sin() * step
+            };
+            let (flux, expected) = ((0..n).map(ring).sum::<f64>(), lumen_per_candela(light.kind, None));
+            assert!((flux / expected - 1.0).abs() < 2e-3, "{inner}° to {outer}°: {flux} lm, not {expected}");
+        }
+    }
+
+    #[test]
+    fn a_spot_of_no_angle_shines_into_the_least_cone() {
+        let spot = |outer_rad| LampShape::Spot { inner_rad: 0.0, outer_rad };
+        let [none, least] = [0.0, LEAST_CONE_RAD].map(|outer_rad| native(spot(outer_rad), 10.0, LampUnit::Lumen));
+        assert!(none == least && none.is_some_and(|candela| candela > 1e5 && candela < 1e7), "{none:?} {least:?}");
     }
 
     #[test]

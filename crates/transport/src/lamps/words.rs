@@ -5,13 +5,14 @@ use glam::Vec3;
 use super::PreparedLamps;
 use super::body::Body;
 use super::light::{Form, NEAR};
+use crate::emitters::spot_rise;
 use crate::prepared::PreparedScene;
 use crate::scene::PunctualKind;
 
 /// As a device takes it: kind (0 point, 1 spot, 2 parallel light, 3 rectangle, 4 disk, 5 sphere) and three words that are its own; then
-/// bits of f32: place and area; axis or normal, and cosine of a spot's outer angle; half of each side of a flat body, beside them one over the
-/// difference of a spot's cosines and the squared distance within which the CPU decides (of a sphere its squared radius); emission, and a distance beyond
-/// everything.
+/// bits of f32: place and area; axis or normal, and one minus the cosine of a spot's outer angle; half of each side of a flat body, beside them one
+/// over how much of that its rise to the full intensity takes and the squared distance within which the CPU decides (of a sphere its squared
+/// radius); emission, and a distance beyond everything.
 pub type LampWords = [u32; 24];
 
 /// The same before it is packed.
@@ -21,7 +22,7 @@ struct Plain {
     position: Vec3,
     area: f32,
     axis: Vec3,
-    cos_outer: f32,
+    rim: f32,
     half: [Vec3; 2],
     per_cos: f32,
     near: f32,
@@ -34,7 +35,7 @@ impl PreparedLamps {
         let plain = plain(&lamp.lamp.form)?;
         let rows = [
             plain.position.extend(plain.area),
-            plain.axis.extend(plain.cos_outer),
+            plain.axis.extend(plain.rim),
             plain.half[0].extend(plain.per_cos),
             plain.half[1].extend(plain.near),
             lamp.emission.extend(scene.far()),
@@ -54,8 +55,8 @@ fn plain(form: &Form) -> Option<Plain> {
             let plain = Plain { position: light.position, axis: light.direction, ..Plain::default() };
             Some(match light.kind {
                 PunctualKind::Spot { inner_rad, outer_rad } => {
-                    let cos_outer = outer_rad.cos();
-                    Plain { kind: 1, cos_outer, per_cos: 1.0 / (inner_rad.cos() - cos_outer).max(0.001), ..plain }
+                    let [rim, rise] = spot_rise(inner_rad, outer_rad);
+                    Plain { kind: 1, rim, per_cos: 1.0 / rise, ..plain }
                 }
                 PunctualKind::Point | PunctualKind::Directional => plain,
             })

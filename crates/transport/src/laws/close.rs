@@ -6,7 +6,7 @@ use clerestory_nystrom::BlockLowRank;
 use glam::Vec3;
 
 use super::patches::{FILM, baked, furnace, furnished};
-use super::stage::{Stage, lambert, room};
+use super::stage::{Stage, lambert, pane, room};
 use crate::bake::Bake;
 use crate::bake::focus::Focus;
 use crate::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
@@ -119,6 +119,20 @@ fn surfaces_receive_what_a_lamp_close_to_them_sends() {
             assert!(now.0 > 0.95 && now.1 < most, "{shape:?} at {height} m: {now:.3?} of the light");
         }
     }
+}
+
+#[test]
+fn beams_pass_a_sheet_of_solid_glass() {
+    let sheet = room(Vec3::new(1.2, 0.02, 1.0)).into_iter().rev().map(|corner| corner + Vec3::Y * (FLOOR + 0.1));
+    let glass = Material { thickness: 1.0, ..pane() };
+    let scene = furnace(0.6).surface("sheet", &sheet.collect::<Vec<_>>(), glass).prepared();
+    assert_eq!(scene.slabs.len(), 1);
+    let patches = learned(&scene, 1024);
+    let lamps = prepared(&LampShape::Spot { inner_rad: 0.3, outer_rad: 0.6 }, Vec3::new(0.1, FLOOR + 0.3, 0.05));
+    let [now, before] = [thrown, by_samples].map(|light| received(&patches, &light(&scene, &patches, &lamps)));
+    println!("{now:.3} of the light; by samples {before:.3}");
+    // Two faces let pass 96 % each.
+    assert!((now - 0.92).abs() < 0.05, "{now:.3} of the light");
 }
 
 #[test]

@@ -6,9 +6,14 @@ use glam::{Quat, Vec3, Vec4};
 
 use super::stage::{Stage, lambert, pane, quad, room, textured};
 use super::walks::{Even, Mean, Walks, assert_same_mean, file_light};
+use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
+use crate::lamps::tests::lamp;
+use crate::lamps::{FreeLamp, LampShape, PreparedLamps};
+use crate::patches::PatchSample;
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
+use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Encoding, Finish, Material};
 use crate::slabs::hidden;
 
@@ -122,16 +127,23 @@ fn every_plan_finds_the_light_of_a_square_behind_a_slab() {
     walks(20_000).assert_mean(&scene, &matrix, &weights, (expected, 1e-2), "the plan of a matrix");
 }
 
-/// A tilted window with two tinted slabs before a panel, over a floor.
-fn double_window(floor_material: Material) -> PreparedScene {
+/// A tilted window with two tinted slabs over a floor.
+fn glazed(floor_material: Material) -> Stage {
     let turn = Quat::from_rotation_z(0.4) * Quat::from_rotation_x(0.3);
     let out = turn * Vec3::Y;
     let center = Vec3::new(-0.1, 0.9, 0.1);
     let tinted = Material { attenuation_distance: 0.2, attenuation_color: Vec3::splat(0.6), ..glass() };
     let green = Material { base_color: Vec4::new(0.5, 0.9, 0.5, 1.0), ior: 1.7, ..glass() };
-    floor(floor_material)
-        .surface("inner", &block(center, Vec3::new(0.6, 0.04, 0.6), turn), tinted)
-        .surface("outer", &block(center + out * 0.25, Vec3::new(0.6, 0.06, 0.6), turn), green)
+    floor(floor_material).surface("inner", &block(center, Vec3::new(0.6, 0.04, 0.6), turn), tinted).surface(
+        "outer",
+        &block(center + out * 0.25, Vec3::new(0.6, 0.06, 0.6), turn),
+        green,
+    )
+}
+
+/// The same before a panel and a lamp.
+fn double_window(floor_material: Material) -> PreparedScene {
+    glazed(floor_material)
         .panel("panel", &quad(Vec3::new(-0.9, 1.9, -0.8), Vec3::X * 1.2, Vec3::Z * 1.6), 3.0, 4)
         .surface("lamp", &quad(Vec3::new(0.4, 1.8, -0.2), Vec3::X * 0.3, Vec3::Z * 0.4), lambert(0.0, 8.0))
         .prepared()
@@ -157,6 +169,49 @@ fn windows_have_the_mean_of_walks_that_connect_to_nothing() {
         let plan = MatrixPlan::new(&scene.lighting, Density::Full);
         assert_same_mean(&walks(2, 3).streams(&scene, &plan, &weights), &plain, 0.04, "the plan of a matrix");
     }
+}
+
+#[test]
+fn lamps_of_a_look_send_through_windows_what_lamps_of_the_file_send() {
+    let (place, down) = (Vec3::new(-0.3, 1.9, 0.2), Vec3::new(0.2, -1.0, 0.1));
+    let window = || glazed(lambert(ALBEDO, 0.0));
+    let scene = window().prepared();
+    let lux = |shape: LampShape, aim: Vec3| {
+        let free = FreeLamp { position: place, aim, strength: 7.0, ..lamp(shape) };
+        let lamps = PreparedLamps::new(&[free], None).unwrap().0;
+        let arriving = lamps.irradiance(&scene, Vec3::ZERO, Vec3::Y);
+        let sample = PatchSample { position: Vec3::ZERO, normal: Vec3::Y, weight: 1.0, radius_m: 0.0, grazing: 0.0 };
+        assert!(lamps.light_on(&scene, &sample).abs_diff_eq(arriving, 1e-3 * arriving.y), "patches get what arrives");
+        f64::from(arriving.y)
+    };
+    let of_file = [
+        (LampShape::Point, window().lamp("of the file", place, 7.0)),
+        (LampShape::Directional, window().distant("of the file", down, 7.0)),
+    ];
+    for (shape, stage) in of_file {
+        let what = format!("{shape:?}");
+        let expected = lux(shape, place + down) * f64::from(ALBEDO) / PI;
+        seen(&stage.prepared(), Some(4)).assert_is(expected, 1e-3, &what);
+    }
+    // A small disk that faces the place shines there like a point.
+    let [disk, point] = [LampShape::Disk { radius_m: 0.01 }, LampShape::Point].map(|shape| lux(shape, Vec3::ZERO));
+    assert!((disk / point - 1.0).abs() < 2e-3, "{disk} lx, {point} lx");
+}
+
+#[test]
+fn who_looks_through_panes_sees_what_is_behind_them() {
+    let ray = |direction| Ray { origin: Vec3::Y * 2.0, direction, t_min: 0.0, t_max: f32::INFINITY };
+    let thin = quad(Vec3::new(-1.0, 1.5, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0);
+    let solid = |material| floor(lambert(ALBEDO, 0.0)).surface("slab", &level_slab(), material);
+    let height = |stage: Stage, direction| {
+        let hit = stage.prepared().closest_behind_glass(&ray(direction), &mut Sampler::new(0, 0, 0));
+        hit.map(|hit| hit.position.y)
+    };
+    assert_eq!(height(solid(glass()).surface("pane", &thin, pane()), Vec3::NEG_Y), Some(0.0));
+    assert_eq!(height(solid(lambert(ALBEDO, 0.0)).surface("pane", &thin, pane()), Vec3::NEG_Y), Some(SLAB[1]));
+    let aside = Vec3::new(0.3, -1.0, 0.0);
+    assert_eq!(height(solid(glass()), aside), Some(SLAB[1]), "nothing is behind it");
+    assert_eq!(height(solid(glass()), Vec3::Y), None);
 }
 
 #[test]

@@ -12,8 +12,10 @@ use rayon::prelude::*;
 use super::nearest::{Center, Nearest, SHARING};
 use super::{GOLDEN_ANGLE, PatchSample};
 use crate::bvh::Ray;
+use crate::path::through_glass;
 use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
+use crate::slabs::IN_A_ROW;
 
 /// Light that leaves a lamp along a ray.
 #[derive(Clone, Copy, Debug)]
@@ -138,7 +140,7 @@ impl Layout {
             let (hit, passed) = first_broad(scene, &ray, &mut Sampler::new(0, BEAM_STREAM, nth as u32))?;
             let normal = scene.smooth_normal(&hit, beam.direction);
             // Nothing dims the light of a body: its least distance is zero.
-            let dimmed = (hit.t / beam.least_m).min(1.0).powi(2);
+            let dimmed = (hit.position.distance(beam.origin) / beam.least_m).min(1.0).powi(2);
             let flux = passed * beam.flux * dimmed;
             let (cos, apart_m) = (-beam.direction.dot(normal), apart(hit.position));
             Some(self.around(hit.position, normal).map(|(patch, share)| {
@@ -222,16 +224,30 @@ impl Layout {
             let share = shares.iter().find(|(other, _)| *other == patch).map_or(0.0, |(_, share)| *share);
             // What is seen edge on would count without bound.
             let tilt = cos / direction.dot(hit.normal).abs().max(0.05);
-            share * tilt * (hit.t / distance).powi(2)
+            share * tilt * (hit.position.distance(eye) / distance).powi(2)
         };
         (0..PROBES).map(probe).sum::<f32>() * PI * reach_m * reach_m / PROBES as f32
     }
 }
 
-/// The first surface along a ray that scatters broadly, and what of the light passes clear panes before it; `None` where light
-/// ends elsewhere.
+/// The first surface along a ray that scatters broadly, and what of the light passes clear panes and slabs before it, which shift
+/// it; `None` where light ends elsewhere.
 fn first_broad(scene: &PreparedScene, ray: &Ray, sampler: &mut Sampler) -> Option<(SurfaceHit, Vec3)> {
-    let (hit, passed) = scene.closest_behind_panes(ray, sampler)?;
-    let is_broad = scene.bsdf(&hit, -ray.direction).has_smooth_lobes();
-    (is_broad && passed != Vec3::ZERO).then_some((hit, passed))
+    let (mut ray, mut passed) = (*ray, Vec3::ONE);
+    for _ in 0..=IN_A_ROW {
+        let (hit, through_panes) = scene.closest_behind_panes(&ray, sampler)?;
+        passed *= through_panes;
+        if passed == Vec3::ZERO {
+            return None;
+        }
+        let Some(route) = scene.slabs.route_through(hit.triangle, ray.origin, ray.direction) else {
+            return scene.bsdf(&hit, -ray.direction).has_smooth_lobes().then_some((hit, passed));
+        };
+        // The way to the glass is known to be free.
+        let start = (ray.origin, hit.origin(hit.outward(-ray.direction)));
+        let (share, (_, origin)) = through_glass(scene, start, Vec3::ZERO, &route)?;
+        passed *= share;
+        ray.origin = origin;
+    }
+    None
 }

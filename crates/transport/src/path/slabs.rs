@@ -77,23 +77,36 @@ impl<P: LightPlan> Integrator<'_, P> {
 /// from `end`, else from `far` away; nothing where something is in the way, or the route misses a face.
 pub(crate) fn passed_along(
     scene: &PreparedScene,
-    (mut at, mut from): (Vec3, Vec3),
-    mut extinction: Vec3,
+    start: (Vec3, Vec3),
+    extinction: Vec3,
     (route, end, far): (&Route, Option<Vec3>, f32),
 ) -> Vec3 {
+    through_glass(scene, start, extinction, route).map_or(Vec3::ZERO, |(passed, (at, from))| {
+        passed * scene.transmittance(from, end.unwrap_or(at + route.direction * far))
+    })
+}
+
+/// Share of light that comes through the glass of a route, with the place where the last face is left and where rays begin there;
+/// `None` where something is in the way, or the route misses a face.
+pub(crate) fn through_glass(
+    scene: &PreparedScene,
+    (mut at, mut from): (Vec3, Vec3),
+    mut extinction: Vec3,
+    route: &Route,
+) -> Option<(Vec3, (Vec3, Vec3))> {
     let mut passed = Vec3::ONE;
     for crossing in scene.slabs.crossings(route) {
-        let Some(face) = scene.surface_at(crossing.point, crossing.triangles) else { return Vec3::ZERO };
+        let face = scene.surface_at(crossing.point, crossing.triangles)?;
         let leg = crossing.point - at;
         let direction = leg.normalize();
         // Whether the way is free costs less than what the glass takes.
         passed *= scene.transmittance(from, face.position);
         if passed == Vec3::ZERO {
-            return passed;
+            return None;
         }
         passed *= scene.refracted(&face, -direction) * (-extinction * leg.length()).exp();
         extinction = scene.extinction_behind(face.triangle, direction.dot(face.normal) > 0.0);
         (at, from) = (crossing.point, face.origin(face.outward(direction)));
     }
-    passed * scene.transmittance(from, end.unwrap_or(at + route.direction * far))
+    Some((passed, (at, from)))
 }

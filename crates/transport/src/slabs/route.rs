@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::{Face, IN_A_ROW, PARALLEL, Slab, Slabs};
+use super::{Face, IN_A_ROW, NONE, PARALLEL, Slab, Slabs};
 use crate::prepared::PreparedScene;
 
 /// Steps of Newton's method: quadratic from the near side, so that these reach single precision from any start.
@@ -75,6 +75,15 @@ impl Slabs {
     pub(crate) fn route_beyond(&self, from: Vec3, direction: Vec3, length: f32) -> Option<Route> {
         let (slabs, n) = self.between(from, from + direction * length)?;
         let mut route = Route { slabs, points: Default::default(), n, direction, closeness: 1.0 };
+        self.trace(&mut route, from)?;
+        Some(route)
+    }
+
+    /// The path from a point in a direction through the slab alone whose face a triangle is of; `None` where it is of none, and
+    /// from within the glass.
+    pub(crate) fn route_through(&self, triangle: u32, from: Vec3, direction: Vec3) -> Option<Route> {
+        let &(slab, _) = self.faces.get(triangle as usize).filter(|&&(slab, _)| slab != NONE)?;
+        let mut route = Route { slabs: [slab; IN_A_ROW], points: Default::default(), n: 1, direction, closeness: 1.0 };
         self.trace(&mut route, from)?;
         Some(route)
     }

@@ -4,12 +4,11 @@ use glam::{Vec2, Vec3};
 
 use super::Band;
 use super::point::{Point, Special};
-use crate::lamps::{BodyPoint, Lit, PreparedLamp, PreparedLamps, lattice};
+use crate::lamps::{BodyPoint, Lit, PreparedLamp, PreparedLamps, Way, lattice};
 use crate::light::luminance;
 use crate::path::passed_along;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
-use crate::slabs::Route;
 use crate::stop::Halt;
 
 /// Points that are shaded together, as many as a fan has.
@@ -78,8 +77,8 @@ impl<'a> Shading<'a> {
         let mut n_rays = 0;
         for (nth, point) in group.iter().enumerate().filter(|(_, point)| is_wanted(point.pixel)) {
             let at = (point.pixel - first) as usize;
-            let route = self.route(point.position, lamp, spread(u, nth));
-            if let Some(passed) = route.and_then(|way| self.along((point, specials), lamp, spread(u, nth), way)) {
+            let way = lamp.lamp.way(self.scene, point.position, spread(u, nth), self.far);
+            if let Some(passed) = way.and_then(|way| self.along((point, specials), lamp, spread(u, nth), &way)) {
                 n_rays += 1;
                 pixels[at] += passed;
             }
@@ -90,7 +89,7 @@ impl<'a> Shading<'a> {
             };
             let Some(lit) = lit else { continue };
             let slabs = &self.scene.slabs;
-            if route.is_some_and(|(_, route)| slabs.is_in_between(self.scene, &route, [point.position, lit.target])) {
+            if way.is_some_and(|way| slabs.is_in_between(self.scene, &way.route, [point.position, lit.target])) {
                 continue;
             }
             let ng = point.normal();
@@ -143,31 +142,10 @@ impl<'a> Shading<'a> {
         (luminance(value) > 0.0).then_some(value)
     }
 
-    /// The way from a place to a point of a lamp through the slabs in between, and where it ends, if it does; `None` where there are none.
-    fn route(&self, position: Vec3, lamp: &PreparedLamp, u: Vec2) -> Option<(Option<Vec3>, Route)> {
-        let (slabs, far) = (&self.scene.slabs, self.far);
-        if slabs.is_empty() {
-            return None;
-        }
-        if lamp.lamp.is_beyond() {
-            return Some((None, slabs.route_beyond(position, lamp.lamp.lit_well(position, u, far)?.wi, far)?));
-        }
-        let end = lamp.lamp.point(u)?.position;
-        Some((Some(end), slabs.route(position, end)?))
-    }
-
-    /// The light of a lamp at a point along a route; `None` where the lamp sends none there, or the point none to its pixel.
-    fn along(
-        &self,
-        (point, specials): (&Point, &[Special]),
-        lamp: &PreparedLamp,
-        u: Vec2,
-        (end, route): (Option<Vec3>, Route),
-    ) -> Option<Vec3> {
-        let (scene, position) = (self.scene, point.position);
-        // From there the lamp looks, without slabs, as it does from here through them.
-        let eye = end.map_or(position, |end| end - route.direction / route.closeness.sqrt());
-        let (lit, ng) = (lamp.lamp.lit(eye, u, self.far)?, point.normal());
+    /// The light of a lamp at a point along a way; `None` where the lamp sends none there, or the point none to its pixel.
+    fn along(&self, (point, specials): (&Point, &[Special]), lamp: &PreparedLamp, u: Vec2, way: &Way) -> Option<Vec3> {
+        let (scene, position, route) = (self.scene, point.position, &way.route);
+        let (lit, ng) = (lamp.lamp.lit_along(way, position, u, self.far)?, point.normal());
         if !point.may_send(ng, lit.wi) {
             return None;
         }
@@ -176,7 +154,7 @@ impl<'a> Shading<'a> {
         let outward = if route.direction.dot(ng) > 0.0 { ng } else { -ng };
         let start = (position, point.origin(scene, outward));
         // Half of the ways are not free: that costs less to know than what the surface scatters.
-        let passed = passed_along(scene, start, extinction, (&route, end, self.far));
+        let passed = passed_along(scene, start, extinction, (route, way.end, self.far));
         if passed == Vec3::ZERO {
             return Some(passed);
         }

@@ -4,6 +4,7 @@ use std::f32::consts::PI;
 use std::ops::ControlFlow;
 
 use super::*;
+use crate::lamps::tests::ONE_SIDED;
 use crate::lamps::{FreeLamp, LampShape, LampUnit};
 use crate::laws::stage::{Stage, lambert, pane, quad};
 use crate::light::{LightRig, LightSetting};
@@ -164,7 +165,12 @@ fn shapes() -> [FreeLamp; 6] {
 
 #[test]
 fn direct_light_is_that_of_walks_which_end_at_the_first_surface() {
-    for lamp in shapes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("one-sided.ies");
+    std::fs::write(&file, ONE_SIDED).expect("the folder can be written");
+    let shape = LampShape::Profile { file: file.display().to_string() };
+    let measured = lamp(shape, Vec3::new(0.3, 1.7, 0.2), 100.0, LampUnit::Lumen);
+    for lamp in shapes().into_iter().chain([FreeLamp { turn_rad: 0.5, ..measured }]) {
         compare(room, std::slice::from_ref(&lamp), 0, 256, &format!("{:?}", lamp.shape));
     }
 }
@@ -270,6 +276,7 @@ fn lamps_in_bad_places_give_finite_pictures() {
     let shapes = [
         LampShape::Point,
         LampShape::Spot { inner_rad: 0.0, outer_rad: 1e-3 },
+        LampShape::Spot { inner_rad: 0.0, outer_rad: 0.0 },
         LampShape::Rectangle { size_m: [0.0, 0.0] },
         LampShape::Rectangle { size_m: [100.0, 100.0] },
         LampShape::Disk { radius_m: 0.0 },

@@ -76,8 +76,9 @@ mod tests {
     use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
     use clerestory_transport::light::LightSetting;
     use clerestory_transport::patches::NARROW_ALPHA;
+    use clerestory_transport::scene::{AlphaMode, Encoding, Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
     use clerestory_transport::visible::VisibleConfig;
-    use glam::Vec3;
+    use glam::{Affine2, Vec2, Vec3};
 
     use super::*;
 
@@ -89,10 +90,55 @@ mod tests {
     }
 
     fn view(name: &str, bytes: &[u8]) -> LampView {
-        let scene = import::load_bytes(name, bytes).unwrap().scene;
+        view_of(import::load_bytes(name, bytes).unwrap().scene)
+    }
+
+    fn view_of(scene: Scene) -> LampView {
         let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
         let camera = scene.scene.cameras[0].clone();
         LampView { scene, camera, film: FILM, patches: None, measures: false, device: None }
+    }
+
+    /// The test room with a card of which half is there, a clear pane, and a table with bumps.
+    fn furnished() -> Scene {
+        let mut scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
+        scene.mesh.uvs[0] = vec![Vec2::ZERO; scene.mesh.positions.len()];
+        let texture = |texels: [[u8; 4]; 4]| {
+            let image = Arc::new(Image { width: 2, height: 2, texels: texels.to_vec() });
+            Texture { image, wrap: [Wrap::Clamp; 2], filter: Filter::Nearest }
+        };
+        let (there, gone) = ([200, 150, 90, 255], [200, 150, 90, 0]);
+        scene.textures = vec![
+            texture([there, gone, gone, there]),
+            texture([[128, 128, 255, 255], [190, 128, 230, 255], [128, 190, 230, 255], [90, 90, 235, 255]]),
+        ];
+        let used = |texture, encoding| Some(TextureRef { texture, uv_set: 0, transform: Affine2::IDENTITY, encoding });
+        let plain = || Material { metallic: 0.0, double_sided: true, ..Material::default() };
+        let alpha = AlphaMode::Mask { cutoff: 0.5 };
+        let card = Material { base_color_texture: used(0, Encoding::Srgb), alpha, ..plain() };
+        let pane = Material { roughness: 0.0, transmission: 1.0, ..plain() };
+        let bumps = Material { roughness: 0.4, normal_texture: used(1, Encoding::Linear), ..plain() };
+        let sides = [Vec3::X, Vec3::Y];
+        add(&mut scene, Vec3::new(-0.6, -0.5, -0.3), sides.map(|side| side * 0.7), card);
+        add(&mut scene, Vec3::new(0.0, -0.6, 0.2), sides, pane);
+        add(&mut scene, Vec3::new(-0.9, -0.6, 0.5), [Vec3::X * 1.8, Vec3::NEG_Z * 1.4], bumps);
+        scene.mesh.tangents = vec![Vec3::X.extend(1.0); scene.mesh.positions.len()];
+        scene
+    }
+
+    /// A parallelogram from a corner along two edges, with a texture over all of it.
+    fn add(scene: &mut Scene, corner: Vec3, [u, v]: [Vec3; 2], material: Material) {
+        let first = scene.mesh.positions.len() as u32;
+        let mesh = &mut scene.mesh;
+        for [x, y] in [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]] {
+            mesh.positions.push(corner + u * x + v * y);
+            mesh.normals.push(u.cross(v).normalize());
+            mesh.uvs[0].push(Vec2::new(x, y));
+        }
+        mesh.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|triangle| triangle.map(|vertex| first + vertex)));
+        mesh.triangle_material.extend([scene.materials.len() as u32; 2]);
+        mesh.triangle_node.extend([0; 2]);
+        scene.materials.push(material);
     }
 
     fn lamps(position: Vec3, aim: Vec3) -> Vec<PreparedLamps> {
@@ -105,22 +151,23 @@ mod tests {
             (LampShape::Disk { radius_m: 0.15 }, LampUnit::Lumen),
             (LampShape::Sphere { radius_m: 0.05 }, LampUnit::Lumen),
         ];
-        let lamp = |(shape, unit)| {
-            let setting = LightSetting::default();
-            let lamp = FreeLamp {
-                key: "lamp".into(),
-                shape,
-                position,
-                aim,
-                strength: 500.0,
-                unit,
-                setting,
-                turn_rad: 0.0,
-                replaces: None,
-            };
-            PreparedLamps::new(&[lamp], None).unwrap().0
+        shapes.map(|(shape, unit)| lamp(shape, unit, [position, aim])).into()
+    }
+
+    fn lamp(shape: LampShape, unit: LampUnit, [position, aim]: [Vec3; 2]) -> PreparedLamps {
+        let setting = LightSetting::default();
+        let lamp = FreeLamp {
+            key: "lamp".into(),
+            shape,
+            position,
+            aim,
+            strength: 500.0,
+            unit,
+            setting,
+            turn_rad: 0.0,
+            replaces: None,
         };
-        shapes.map(lamp).into()
+        PreparedLamps::new(&[lamp], None).unwrap().0
     }
 
     /// Pixels that differ by more than rounding does, and the sums of both.
@@ -143,7 +190,7 @@ mod tests {
             let config = VisibleConfig { samples: 1, narrow_alpha: NARROW_ALPHA, ..VisibleConfig::default() };
             let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
             let mut device = LampDevice::new(gpu, &view).unwrap().unwrap();
-            let ahead = view.camera.direction(FILM, glam::Vec2::new(36.0, 25.0));
+            let ahead = view.camera.direction(FILM, Vec2::new(36.0, 25.0));
             let at = view.camera.position() + ahead * 1.5;
             for (nth, lamp) in lamps(at, at + ahead - Vec3::Y).iter().enumerate() {
                 for pass in [0, 3] {
@@ -159,6 +206,35 @@ mod tests {
                 // Parallel light does not get into rooms.
                 let n_lit = raw.iter().filter(|rgb| rgb[..3] != [0.0; 3]).count();
                 assert!(n_lit > FILM.n_pixels() / 20 || nth == 2, "lamp {nth}: {n_lit} pixels are lit by the device");
+            }
+        }
+    }
+
+    #[test]
+    fn every_device_sees_cards_panes_and_bumps_as_the_cpu_does() {
+        let gpus = Gpu::all_headless(DeviceChoice::Any);
+        assert!(!gpus.is_empty() || !is_required(), "no adapter");
+        for gpu in &gpus {
+            let view = view_of(furnished());
+            let config = VisibleConfig { samples: 1, narrow_alpha: NARROW_ALPHA, ..VisibleConfig::default() };
+            let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
+            let mut device = LampDevice::new(gpu, &view).unwrap().unwrap();
+            let place = [Vec3::new(0.1, 0.5, 0.3), Vec3::new(-0.3, -1.0, -0.5)];
+            let narrow = lamp(
+                LampShape::Spot { inner_rad: 0.0, outer_rad: 0.03 },
+                LampUnit::Lumen,
+                [place[0], Vec3::new(-0.3, 0.6, -1.0)],
+            );
+            for (nth, lamp) in lamps(place[0], place[1]).iter().chain([&narrow]).enumerate() {
+                let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
+                let expected = points.direct(&view.scene, lamp, 0, &|| false).unwrap();
+                let (n_different, [sum, expected_sum]) = compare(&found, &expected);
+                assert!(n_different <= FILM.n_pixels() / 200, "lamp {nth}: {n_different} pixels");
+                assert!((sum - expected_sum).abs() <= 1e-3 * expected_sum, "lamp {nth}: {sum}, {expected_sum}");
+                // Parallel light does not get into rooms.
+                let raw = device.found((0, &points), lamp, 0, <[_]>::to_vec).unwrap().unwrap();
+                let n_lit = raw.iter().filter(|rgb| rgb[..3] != [0.0; 3]).count();
+                assert!(n_lit > 0 || nth == 2, "lamp {nth}: {n_lit} pixels are lit by the device");
             }
         }
     }

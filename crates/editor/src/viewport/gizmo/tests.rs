@@ -1,6 +1,7 @@
 use clerestory_transport::import;
 use clerestory_transport::lamps::{LampUnit, PreparedLamps};
 use clerestory_transport::light::LightSetting;
+use clerestory_transport::scene::Material;
 use eframe::egui::{self, pos2};
 
 use super::*;
@@ -191,11 +192,36 @@ fn where_one_looks_along_an_axis_or_beyond_the_horizon_the_lamp_stays() {
 
 #[test]
 fn a_lamp_is_put_before_a_surface_and_shines_away_from_it() {
-    let surface = Surface { position: Vec3::new(0.0, 2.0, 0.0), normal: Vec3::NEG_Y };
-    let put = put_on(lamp(Vec3::ZERO), surface, Vec3::new(0.0, 0.0, 3.0));
-    assert!(put.position.y < 2.0 && put.position.y > 1.6 && put.aim.y < put.position.y, "{put:?}");
+    let scene = room();
+    let surface = Surface { position: Vec3::Y, normal: Vec3::NEG_Y };
+    let put = put_on(lamp(Vec3::ZERO), surface, Vec3::new(0.0, 0.0, 3.0), &scene);
+    assert!(put.position.y < 1.0 && put.position.y > 0.6 && put.aim.y < put.position.y, "{put:?}");
     let globe = FreeLamp { shape: LampShape::Sphere { radius_m: 0.5 }, ..lamp(Vec3::ZERO) };
-    let put = put_on(globe, surface, Vec3::new(0.0, 0.0, 3.0));
-    assert!(put.position.y < 1.5, "all of it is in front of the surface: {}", put.position);
+    let put = put_on(globe, surface, Vec3::new(0.0, 0.0, 3.0), &scene);
+    assert!(put.position.y < 0.5, "all of it is in front of the surface: {}", put.position);
     assert_eq!(put.aim, below(put.position));
+}
+
+#[test]
+fn who_aims_through_a_pane_lights_what_is_behind_it() {
+    let mut scene = room().scene;
+    let first = scene.mesh.positions.len() as u32;
+    scene
+        .mesh
+        .positions
+        .extend([[-0.9, -0.9], [0.9, -0.9], [0.9, 0.9], [-0.9, 0.9]].map(|[x, y]| Vec3::new(x, y, 0.1)));
+    scene.mesh.normals.extend([Vec3::Z; 4]);
+    scene.mesh.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|corner: u32| first + corner)));
+    scene.mesh.triangle_material.extend([scene.materials.len() as u32; 2]);
+    scene.mesh.triangle_node.extend([0; 2]);
+    let (metallic, roughness, transmission) = (0.0, 0.0, 1.0);
+    scene.materials.push(Material { metallic, roughness, transmission, double_sided: true, ..Material::default() });
+    let scene = PreparedScene::new(scene, &[]).unwrap().0;
+    let sight = sight(&scene);
+    let (of, wall) = (lamp(Vec3::new(0.0, 0.5, -0.4)), Vec3::new(0.2, 0.1, -1.0));
+    let aim_px = sight.seen_at(of.aim).unwrap();
+    let mut drag = Drag::begin(&sight, &of, Part::Aim, aim_px);
+    let aimed = drag.moved(&sight, &of, sight.seen_at(wall).unwrap() - aim_px, Held::default());
+    assert!(near(aimed.aim, wall), "{}", aimed.aim);
+    assert!(surface_along(&scene, sight.camera.position(), Vec3::NEG_Z).unwrap().position.z > 0.0, "the pane is there");
 }
