@@ -71,6 +71,11 @@ impl Bounds {
         Bounds { lo: self.lo - by, hi: self.hi + by }
     }
 
+    /// Whether it shares a point with another box.
+    fn overlaps(&self, other: &Bounds) -> bool {
+        self.lo.cmple(other.hi).all() && other.lo.cmple(self.hi).all()
+    }
+
     /// Where a segment enters, 0…1; `None` if it passes by.
     fn entry(&self, from: Vec3, to: Vec3) -> Option<f32> {
         let inverse = 1.0 / (to - from);

@@ -20,7 +20,7 @@ mod reuse;
 mod shadows;
 mod skips;
 mod sky;
-mod slabs;
+pub(crate) mod slabs;
 pub(crate) mod stage;
 mod stopped;
 mod suns;

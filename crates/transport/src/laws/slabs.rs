@@ -9,6 +9,7 @@ use super::walks::{Even, Mean, Walks, assert_same_mean, file_light};
 use crate::camera::{Camera, Film};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
+use crate::sampler::{Sampler, uniform_sphere};
 use crate::scene::{AlphaMode, Encoding, Finish, Material};
 use crate::slabs::hidden;
 
@@ -27,12 +28,12 @@ fn floor(material: Material) -> Stage {
 }
 
 /// Smooth glass with an inside.
-fn glass() -> Material {
+pub(crate) fn glass() -> Material {
     Material { thickness: 1.0, ..pane() }
 }
 
 /// A closed box whose fronts look outwards.
-fn block(center: Vec3, half: Vec3, turn: Quat) -> Vec<Vec3> {
+pub(crate) fn block(center: Vec3, half: Vec3, turn: Quat) -> Vec<Vec3> {
     room(half).into_iter().rev().map(|corner| center + turn * corner).collect()
 }
 
@@ -157,6 +158,47 @@ fn windows_have_the_mean_of_walks_that_connect_to_nothing() {
         let plan = MatrixPlan::new(&scene.lighting, Density::Full);
         assert_same_mean(&walks(2, 3).streams(&scene, &plan, &weights), &plain, 0.04, "the plan of a matrix");
     }
+}
+
+/// Points of a cube around the windows.
+fn around(case: u64) -> [Vec3; 2] {
+    let mut sampler = Sampler::new(11, case, 0);
+    [0, 1].map(|_| {
+        let ([x, y], z) = (sampler.next_2d(), sampler.next_1d());
+        Vec3::new(4.0 * x - 2.0, 4.0 * y - 1.0, 4.0 * z - 2.0)
+    })
+}
+
+#[test]
+fn a_way_is_bent_between_straight_on_and_all_of_it_in_air() {
+    let slabs = double_window(lambert(ALBEDO, 0.0)).slabs;
+    let mut n_bent = 0;
+    for [from, to] in (0..10_000).map(around) {
+        let Some(way) = slabs.way(from, to) else { continue };
+        let Some(route) = slabs.bent(&way) else { continue };
+        let [straight, steep] = way.bounds().map(Vec3::normalize);
+        let least = straight.dot(steep) - 1e-5;
+        let (a, b) = (straight.dot(route.direction), steep.dot(route.direction));
+        assert!(a >= least && b >= least, "{from} to {to}: {a}, {b}, {least}");
+        assert!(straight.dot((to - from).normalize()) > 1.0 - 1e-5);
+        n_bent += 1;
+    }
+    assert!(n_bent > 100, "{n_bent}");
+}
+
+#[test]
+fn no_way_leads_through_slabs_that_are_beside() {
+    let slabs = double_window(lambert(ALBEDO, 0.0)).slabs;
+    let mut n = [0; 2];
+    for (case, [from, center]) in (0..10_000).map(|case| (case, around(case))) {
+        let mut sampler = Sampler::new(12, case, 0);
+        let radius = 0.3 * sampler.next_1d();
+        let to = center + uniform_sphere(sampler.next_2d()) * radius * sampler.next_1d();
+        let are_beside = slabs.are_beside(from, (center, radius));
+        assert!(!are_beside || slabs.route(from, to).is_none(), "{from} to {to}");
+        n[usize::from(are_beside)] += 1;
+    }
+    assert!(n[0] > 100 && n[1] > 100, "{n:?}");
 }
 
 #[test]

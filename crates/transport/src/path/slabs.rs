@@ -91,9 +91,14 @@ pub(crate) fn passed_along(
         if passed == Vec3::ZERO {
             return passed;
         }
-        passed *= scene.refracted(&face, -direction) * (-extinction * leg.length()).exp();
+        passed *= scene.refracted(&face, -direction) * kept(extinction, leg.length());
         extinction = scene.extinction_behind(face.triangle, direction.dot(face.normal) > 0.0);
         (at, from) = (crossing.point, face.origin(face.outward(direction)));
     }
     passed * scene.transmittance(from, end.unwrap_or(at + route.direction * far))
+}
+
+/// Share of light that a medium leaves over a length, m.
+fn kept(extinction: Vec3, length: f32) -> Vec3 {
+    if extinction == Vec3::ZERO { Vec3::ONE } else { (-extinction * length).exp() }
 }

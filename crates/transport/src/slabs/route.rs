@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::{Face, IN_A_ROW, PARALLEL, Slab, Slabs};
+use super::{Bounds, Face, IN_A_ROW, PARALLEL, Slab, Slabs};
 use crate::prepared::PreparedScene;
 
 /// Steps of Newton's method: quadratic from the near side, so that these reach single precision from any start.
@@ -33,6 +33,29 @@ pub(crate) struct Crossing<'a> {
     pub(crate) triangles: &'a [u32],
 }
 
+/// What a straight segment tells of the path through slabs between its ends.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Way {
+    from: Vec3,
+    slabs: [u32; IN_A_ROW],
+    n: usize,
+    /// Unit normal of the slabs, on the side of the end.
+    normal: Vec3,
+    /// Along the normal: in the glass and outside of it, m.
+    glass: f32,
+    air: f32,
+    /// At right angles to the normal, m.
+    aside: Vec3,
+}
+
+impl Way {
+    /// Two vectors that the direction of the path lies between: straight on, and as if it got aside outside of the glass alone.
+    pub(crate) fn bounds(&self) -> [Vec3; 2] {
+        let steep = self.normal * self.air + self.aside;
+        [steep + self.normal * self.glass, steep]
+    }
+}
+
 impl Route {
     /// Slabs on the way, in order.
     pub(crate) fn slabs(&self) -> &[u32] {
@@ -44,6 +67,11 @@ impl Slabs {
     /// The path between two points through all slabs between them; `None` where there are none, too many, or some that are
     /// not parallel.
     pub(crate) fn route(&self, from: Vec3, to: Vec3) -> Option<Route> {
+        self.bent(&self.way(from, to)?)
+    }
+
+    /// What lies on the straight way between two points; `None` where [`Slabs::route`] finds nothing because of it.
+    pub(crate) fn way(&self, from: Vec3, to: Vec3) -> Option<Way> {
         let (slabs, n) = self.between(from, to)?;
         let normal = self.slabs[slabs[0] as usize].normal;
         let parallel = |&slab: &u32| self.slabs[slab as usize].normal.dot(normal).abs() > 1.0 - PARALLEL;
@@ -54,20 +82,22 @@ impl Slabs {
         let depth = normal.dot(to - from);
         let glass: f32 = slabs[..n].iter().map(|&slab| self.slabs[slab as usize].thickness()).sum();
         let (air, aside) = (depth - glass, (to - from) - normal * depth);
-        let away = aside.length();
-        if air <= 0.0 {
-            return None;
-        }
-        let bend = self.bend(&slabs[..n], air, away);
+        (air > 0.0).then_some(Way { from, slabs, n, normal, glass, air, aside })
+    }
+
+    /// The path that a way is bent to; `None` where it grazes the glass, or slabs overlap.
+    pub(crate) fn bent(&self, way: &Way) -> Option<Route> {
+        let away = way.aside.length();
+        let bend = self.bend(way, away);
         let cos = 1.0 / (1.0 + bend.tan * bend.tan).sqrt();
         if cos < LEAST_COS {
             return None;
         }
-        let sideways = if away > 0.0 { aside / away } else { Vec3::ZERO };
-        let direction = (normal + sideways * bend.tan) * cos;
+        let sideways = if away > 0.0 { way.aside / away } else { Vec3::ZERO };
+        let direction = (way.normal + sideways * bend.tan) * cos;
         let closeness = 1.0 / (bend.away_over_sin * bend.slope * cos);
-        let mut route = Route { slabs, points: Default::default(), n, direction, closeness };
-        self.trace(&mut route, from)?;
+        let mut route = Route { slabs: way.slabs, points: Default::default(), n: way.n, direction, closeness };
+        self.trace(&mut route, way.from)?;
         Some(route)
     }
 
@@ -97,15 +127,24 @@ impl Slabs {
         })
     }
 
-    /// Slabs whose box a segment meets and that its ends are on either side of, in the order of the way.
+    /// Whether the boxes of all slabs lie beside the segments from a place to the points of a ball, middle and radius.
+    pub(crate) fn are_beside(&self, from: Vec3, (center, radius): (Vec3, f32)) -> bool {
+        let span = Bounds::default().with(from).with(center - radius).with(center + radius);
+        !self.bounds.overlaps(&span) || !self.slabs.iter().any(|slab| slab.bounds.overlaps(&span))
+    }
+
+    /// Slabs whose box a segment meets, and that its ends are on either side of, in the order of the way.
     fn between(&self, from: Vec3, to: Vec3) -> Option<([u32; IN_A_ROW], usize)> {
-        self.bounds.entry(from, to)?;
+        let span = Bounds { lo: from.min(to), hi: from.max(to) };
+        if !self.bounds.overlaps(&span) {
+            return None;
+        }
         let (mut found, mut n) = ([(0.0, 0); IN_A_ROW], 0);
         for (idx, slab) in (0u32..).zip(&self.slabs) {
-            let Some(entry) = slab.bounds.entry(from, to) else { continue };
-            if !slab.parts(from, to) {
+            if !slab.bounds.overlaps(&span) || !slab.parts(from, to) {
                 continue;
             }
+            let Some(entry) = slab.bounds.entry(from, to) else { continue };
             *found.get_mut(n)? = (entry, idx);
             n += 1;
         }
@@ -114,21 +153,22 @@ impl Slabs {
     }
 
     /// Solves for the tangent of the angle to the normal: `air · tan + Σ thickness · tan' = away`.
-    fn bend(&self, slabs: &[u32], air: f32, away: f32) -> Bend {
+    fn bend(&self, way: &Way, away: f32) -> Bend {
         let at = |tan: f32| {
             let cos = 1.0 / (1.0 + tan * tan).sqrt();
             let sin = tan * cos;
-            let mut bend = Bend { tan, away_over_sin: air / cos, slope: air / (cos * cos) };
-            for &slab in slabs {
-                let Slab { ior, .. } = self.slabs[slab as usize];
-                let (thickness, squared) = (self.slabs[slab as usize].thickness(), ior * ior - sin * sin);
+            let mut bend = Bend { tan, away_over_sin: way.air / cos, slope: way.air / (cos * cos) };
+            for &slab in &way.slabs[..way.n] {
+                let slab = &self.slabs[slab as usize];
+                let (ior, thickness) = (slab.ior, slab.thickness());
+                let squared = ior * ior - sin * sin;
                 bend.away_over_sin += thickness / squared.sqrt();
                 bend.slope += thickness * ior * ior * cos / (squared * squared.sqrt());
             }
             (bend, bend.away_over_sin * sin - away, bend.slope * cos * cos)
         };
-        // The sum is concave in the tangent: from below, each step stays below.
-        let (mut bend, mut excess, mut slope) = at(0.0);
+        // The sum is concave in the tangent: from below, each step stays below. The straight way is below.
+        let (mut bend, mut excess, mut slope) = at(away / (way.air + way.glass));
         for _ in 0..STEPS {
             let tan = bend.tan - excess / slope;
             if tan <= bend.tan || tan.is_nan() {

@@ -78,7 +78,7 @@ impl<'a> Shading<'a> {
         let mut n_rays = 0;
         for (nth, point) in group.iter().enumerate().filter(|(_, point)| is_wanted(point.pixel)) {
             let at = (point.pixel - first) as usize;
-            let route = self.route(point.position, lamp, spread(u, nth));
+            let route = self.route(point, lamp, spread(u, nth));
             if let Some(passed) = route.and_then(|way| self.along((point, specials), lamp, spread(u, nth), way)) {
                 n_rays += 1;
                 pixels[at] += passed;
@@ -143,17 +143,32 @@ impl<'a> Shading<'a> {
         (luminance(value) > 0.0).then_some(value)
     }
 
-    /// The way from a place to a point of a lamp through the slabs in between, and where it ends, if it does; `None` where there are none.
-    fn route(&self, position: Vec3, lamp: &PreparedLamp, u: Vec2) -> Option<(Option<Vec3>, Route)> {
-        let (slabs, far) = (&self.scene.slabs, self.far);
+    /// The way from a point to one of a lamp through the slabs in between, and where it ends, if it does; `None` where there are
+    /// none, and where it carries nothing whatever lies on it.
+    fn route(&self, point: &Point, lamp: &PreparedLamp, u: Vec2) -> Option<(Option<Vec3>, Route)> {
+        let (slabs, far, position) = (&self.scene.slabs, self.far, point.position);
         if slabs.is_empty() {
             return None;
         }
         if lamp.lamp.is_beyond() {
-            return Some((None, slabs.route_beyond(position, lamp.lamp.lit_well(position, u, far)?.wi, far)?));
+            let wi = lamp.lamp.lit_well(position, u, far)?.wi;
+            let route = point.may_send(point.normal(), wi).then(|| slabs.route_beyond(position, wi, far))??;
+            return Some((None, route));
         }
-        let end = lamp.lamp.point(u)?.position;
-        Some((Some(end), slabs.route(position, end)?))
+        let body = lamp.lamp.body();
+        if body.is_some_and(|body| slabs.are_beside(position, body.ball())) {
+            return None;
+        }
+        let end = lamp.lamp.point(u)?;
+        let way = slabs.way(position, end.position)?;
+        // Half of the ways leave a surface or a lamp to the wrong side, which costs less to know than how they are bent.
+        let (bounds, ng) = (way.bounds(), point.normal());
+        let may_send = bounds.iter().any(|wi| point.may_send(ng, *wi));
+        let may_shine = body.is_none() || bounds.iter().any(|wi| wi.dot(end.normal) < 0.0);
+        if !may_send || !may_shine {
+            return None;
+        }
+        Some((Some(end.position), slabs.bent(&way)?))
     }
 
     /// The light of a lamp at a point along a route; `None` where the lamp sends none there, or the point none to its pixel.
