@@ -1,4 +1,5 @@
-// Direct light of one lamp at what each pixel sees: for each of its points one point of the lamp, and one ray between them.
+// Direct light of one lamp at what each pixel sees: for each of its points one point of the lamp, and one ray between them;
+// through slabs, solid panes of smooth glass, one more point of the lamp, and the way that the glass bends.
 //
 // A pixel that has something the device does not know (clear panes and alpha in the way, solids, coats of several layers,
 // a body close by) is left to the CPU as a whole, which finds it with the same numbers: w of its light is 1.
@@ -45,6 +46,11 @@ struct Lamp {
 // Random offset of the points on the lamp, by tile.
 @group(0) @binding(6) var<storage, read> shifts: array<vec2f>;
 @group(0) @binding(7) var<storage, read_write> lit: array<vec4f>;
+// Two rows for all slabs: the lower corner of their box and their number, the upper corner and the diagonal of the scene. Six for
+// each: its normal and index of refraction; along that the offsets of its back and its front, the row of its first triangle, and the
+// numbers of those of the back and, from bit 16 on, of the front; its box; what it lets pass but for what it reflects, and 1 where
+// only the CPU knows; its extinction. Three for each triangle: a corner and the clearance of the plane, and the edges from there.
+@group(0) @binding(8) var<storage, read> slabs: array<vec4u>;
 
 const NONE: u32 = 0xffffffffu;
 const IS_BLOCK: u32 = 0x80000000u;
@@ -68,6 +74,15 @@ const N_COS: u32 = 32u;
 const N_ROUGHNESS: u32 = 24u;
 // A lamp without size has this one next to it, m².
 const POINT_SQUARE: f32 = 1e-4;
+const SLAB_HEAD: u32 = 2u;
+const SLAB_ROWS: u32 = 6u;
+// Most slabs that a way goes through.
+const IN_A_ROW: u32 = 6u;
+// One minus the cosine between normals that count as parallel.
+const PARALLEL: f32 = 1e-6;
+// Ways that graze the glass more than this are none.
+const LEAST_COS: f32 = 0.01;
+const NEWTON_STEPS: u32 = 12u;
 
 // What a lamp sends to a point: towards it, where it is, and how much.
 struct Sent {
@@ -131,35 +146,43 @@ fn sent_by_sphere(place: vec3f, u: vec2f) -> Sent {
     return Sent(wi, 2.0 * PI * one_minus_cos, wi * (along - depth), 1u);
 }
 
-// One point of the lamp as seen from a place; `own` is the number of a place among those that share `u`.
-fn sent(place: vec3f, u: vec2f, own: u32) -> Sent {
-    let nothing = Sent(vec3f(0.0), 0.0, vec3f(0.0), 0u);
+// A point of the lamp, and its normal where that has a body.
+struct LampPoint {
+    position: vec3f,
+    normal: vec3f,
+}
+
+// One that is chosen evenly.
+fn lamp_point(u: vec2f) -> LampPoint {
+    if lamp.kind < 3u {
+        return LampPoint(lamp.position, lamp.axis);
+    }
+    if lamp.kind == 5u {
+        let z = 1.0 - 2.0 * u.x;
+        let around = vec2f(cos(2.0 * PI * u.y), sin(2.0 * PI * u.y)) * sqrt(max(1.0 - z * z, 0.0));
+        let normal = vec3f(around, z);
+        return LampPoint(lamp.position + normal * sqrt(lamp.near), normal);
+    }
+    var at = 2.0 * u - 1.0;
+    if lamp.kind == 4u {
+        at = concentric(u);
+    }
+    return LampPoint(lamp.position + lamp.half_x * at.x + lamp.half_y * at.y, lamp.axis);
+}
+
+// What it sends to a place.
+fn sent_from(on_lamp: LampPoint, place: vec3f) -> Sent {
     if lamp.kind == 2u {
         return Sent(-lamp.axis, 1.0, -lamp.axis * lamp.far, 1u);
     }
-    if lamp.kind == 5u {
-        return sent_by_sphere(place, fract(u + lattice(1u + own)));
-    }
-    let from_middle = place - lamp.position;
-    var on_lamp = lamp.position;
-    if lamp.kind >= 3u {
-        if dot(from_middle, from_middle) < lamp.near {
-            return Sent(vec3f(0.0), 0.0, vec3f(0.0), UNKNOWN);
-        }
-        var at = 2.0 * u - 1.0;
-        if lamp.kind == 4u {
-            at = concentric(u);
-        }
-        on_lamp = lamp.position + lamp.half_x * at.x + lamp.half_y * at.y;
-    }
-    let toward = on_lamp - place;
+    let toward = on_lamp.position - place;
     let square = dot(toward, toward);
     if !(square > 0.0) {
-        return nothing;
+        return Sent(vec3f(0.0), 0.0, vec3f(0.0), 0u);
     }
     let wi = toward / sqrt(square);
     if lamp.kind >= 3u {
-        let factor = -dot(wi, lamp.axis) * lamp.area / square;
+        let factor = -dot(wi, on_lamp.normal) * lamp.area / square;
         return Sent(wi, factor, toward, select(0u, 1u, factor > 0.0));
     }
     var falloff = 1.0;
@@ -168,6 +191,18 @@ fn sent(place: vec3f, u: vec2f, own: u32) -> Sent {
         falloff = t * t;
     }
     return Sent(wi, falloff / max(square, POINT_SQUARE), toward, select(0u, 1u, falloff > 0.0));
+}
+
+// What the lamp sends straight to a place: neighbors share `u`, and `own` is the place's alone.
+fn sent(place: vec3f, u: vec2f, own: vec2f) -> Sent {
+    if lamp.kind == 5u {
+        return sent_by_sphere(place, own);
+    }
+    let from_middle = place - lamp.position;
+    if lamp.kind >= 3u && dot(from_middle, from_middle) < lamp.near {
+        return Sent(vec3f(0.0), 0.0, vec3f(0.0), UNKNOWN);
+    }
+    return sent_from(lamp_point(u), place);
 }
 
 fn fifth(cosine: f32) -> f32 {
@@ -298,6 +333,13 @@ fn meets(block: u32, origin: vec3f, shear: Shear) -> bool {
     return any(inside & has_area & is_there & (t > zero) & (t < vec4f(END)));
 }
 
+// One over a direction, whose components hardly vanish.
+fn per_axis(direction: vec3f) -> vec3f {
+    let size = abs(direction);
+    let least = vec3f(1e-12 * max(size.x, max(size.y, size.z)));
+    return 1.0 / select(direction, least, size < least);
+}
+
 // Whether anything is in the way from a place along a direction, of the length of it.
 fn trace(root: u32, origin: vec3f, direction: vec3f) -> u32 {
     let size = abs(direction);
@@ -305,8 +347,7 @@ fn trace(root: u32, origin: vec3f, direction: vec3f) -> u32 {
     if !(longest > 0.0) {
         return FREE;
     }
-    let least = vec3f(1e-12 * longest);
-    let reciprocal = 1.0 / select(direction, least, size < least);
+    let reciprocal = per_axis(direction);
     let is_backward = reciprocal < vec3f(0.0);
     // Rows of the plane that is met first, by axis.
     let near_rows = 2u * select(vec3u(0u, 1u, 2u), vec3u(3u, 4u, 5u), is_backward);
@@ -357,6 +398,284 @@ fn trace(root: u32, origin: vec3f, direction: vec3f) -> u32 {
     return FREE;
 }
 
+// The same, and what lets some light pass.
+fn free(origin: vec3f, direction: vec3f) -> u32 {
+    let way = trace(0u, origin, direction);
+    if way == FREE && lamp.sheer != NONE {
+        return select(FREE, UNKNOWN, trace(lamp.sheer, origin, direction) != FREE);
+    }
+    return way;
+}
+
+// A way through slabs: their rows, in its order.
+struct Route {
+    slabs: array<u32, IN_A_ROW>,
+    n: u32,
+    // Outside of the glass.
+    direction: vec3f,
+    // What stands for one over the squared distance of the ends.
+    closeness: f32,
+}
+
+fn slab_row(row: u32) -> vec4f {
+    return bitcast<vec4f>(slabs[row]);
+}
+
+fn thickness(slab: u32) -> f32 {
+    let offsets = slab_row(slab + 1u);
+    return offsets.y - offsets.x;
+}
+
+// Whether a box of two rows shares a point with another one.
+fn overlaps(row: u32, low: vec3f, high: vec3f) -> bool {
+    return all(slab_row(row).xyz <= high) && all(low <= slab_row(row + 1u).xyz);
+}
+
+// Whether two places are outside of the glass of a slab on either side.
+fn parts(slab: u32, start: vec3f, goal: vec3f) -> bool {
+    let normal = slab_row(slab).xyz;
+    let offsets = slab_row(slab + 1u);
+    let sides = vec2f(dot(normal, start), dot(normal, goal));
+    return min(sides.x, sides.y) < offsets.x && max(sides.x, sides.y) > offsets.y;
+}
+
+// Where a segment enters a box of two rows, 0…1; below 0 where it passes by.
+fn entry(row: u32, start: vec3f, toward: vec3f) -> f32 {
+    let reciprocal = per_axis(toward);
+    let a = (slab_row(row).xyz - start) * reciprocal;
+    let b = (slab_row(row + 1u).xyz - start) * reciprocal;
+    let near = min(a, b);
+    let far = max(a, b);
+    let enters = max(max(near.x, near.y), max(near.z, 0.0));
+    let leaves = min(min(far.x, far.y), min(far.z, 1.0));
+    return select(-1.0, enters, enters <= leaves);
+}
+
+// The slabs that a segment goes through; none where there are too many.
+fn between(start: vec3f, goal: vec3f) -> Route {
+    var route = Route();
+    let low = min(start, goal);
+    let high = max(start, goal);
+    if !overlaps(0u, low, high) {
+        return route;
+    }
+    var entries: array<f32, IN_A_ROW>;
+    for (var nth = 0u; nth < slabs[0].w; nth++) {
+        let slab = SLAB_HEAD + nth * SLAB_ROWS;
+        if !overlaps(slab + 2u, low, high) || !parts(slab, start, goal) {
+            continue;
+        }
+        let enters = entry(slab + 2u, start, goal - start);
+        if enters < 0.0 {
+            continue;
+        }
+        if route.n == IN_A_ROW {
+            return Route();
+        }
+        var at = route.n;
+        for (; at > 0u; at--) {
+            if entries[at - 1u] <= enters {
+                break;
+            }
+            entries[at] = entries[at - 1u];
+            route.slabs[at] = route.slabs[at - 1u];
+        }
+        entries[at] = enters;
+        route.slabs[at] = slab;
+        route.n++;
+    }
+    return route;
+}
+
+// How far a way gets aside whose angle outside has this tangent, over the sine of that, and per radian.
+fn bend(route: ptr<function, Route>, air: f32, tangent: f32) -> vec2f {
+    let cosine = 1.0 / sqrt(1.0 + tangent * tangent);
+    let sine = tangent * cosine;
+    var aside = vec2f(air / cosine, air / (cosine * cosine));
+    for (var i = 0u; i < (*route).n; i++) {
+        let slab = (*route).slabs[i];
+        let ior = slab_row(slab).w;
+        let squared = ior * ior - sine * sine;
+        let per_root = thickness(slab) / sqrt(squared);
+        aside += per_root * vec2f(1.0, ior * ior * cosine / squared);
+    }
+    return aside;
+}
+
+// The one way between two places through the slabs between them, if those are parallel; through none where there is none.
+fn bent(start: vec3f, goal: vec3f) -> Route {
+    var route = between(start, goal);
+    if route.n == 0u {
+        return route;
+    }
+    let toward = goal - start;
+    var normal = slab_row(route.slabs[0]).xyz;
+    normal *= select(1.0, -1.0, dot(normal, toward) < 0.0);
+    let depth = dot(normal, toward);
+    var air = depth;
+    for (var i = 0u; i < route.n; i++) {
+        if abs(dot(slab_row(route.slabs[i]).xyz, normal)) <= 1.0 - PARALLEL {
+            return Route();
+        }
+        air -= thickness(route.slabs[i]);
+    }
+    if !(air > 0.0) {
+        return Route();
+    }
+    let aside = toward - normal * depth;
+    let away = length(aside);
+    // From below: each step of Newton's stays there.
+    var tangent = away / depth;
+    var reach = bend(&route, air, tangent);
+    for (var nth = 0u; nth < NEWTON_STEPS; nth++) {
+        let square_cosine = 1.0 / (1.0 + tangent * tangent);
+        let excess = reach.x * tangent * sqrt(square_cosine) - away;
+        let next = tangent - excess / (reach.y * square_cosine);
+        if !(next > tangent) {
+            break;
+        }
+        tangent = next;
+        reach = bend(&route, air, tangent);
+    }
+    let cosine = 1.0 / sqrt(1.0 + tangent * tangent);
+    if cosine < LEAST_COS {
+        return Route();
+    }
+    route.direction = (normal + aside / max(away, 1e-30) * tangent) * cosine;
+    route.closeness = 1.0 / (reach.x * reach.y * cosine);
+    return route;
+}
+
+// What a point of the lamp sends to a place through slabs, and the way of that; nothing where there are none.
+fn sent_through(place: vec3f, u: vec2f, route: ptr<function, Route>) -> Sent {
+    let on_lamp = lamp_point(u);
+    if lamp.kind == 2u {
+        *route = between(place, place - lamp.axis * lamp.far);
+        (*route).direction = -lamp.axis;
+        (*route).closeness = 1.0;
+    } else {
+        *route = bent(place, on_lamp.position);
+    }
+    if (*route).n == 0u {
+        return Sent(vec3f(0.0), 0.0, vec3f(0.0), 0u);
+    }
+    // From there the lamp looks, without slabs, as it does from here through them.
+    let eye = on_lamp.position - (*route).direction / sqrt((*route).closeness);
+    var light = sent_from(on_lamp, eye);
+    light.toward = select(on_lamp.position - place, light.toward, lamp.kind == 2u);
+    return light;
+}
+
+// The clearance of the triangle of a face that has a place in its plane; below 0 where none has it.
+fn clearance_at(slab: u32, is_front: bool, place: vec3f) -> f32 {
+    let numbers = slabs[slab + 1u];
+    let n_back = numbers.w & 0xffffu;
+    let first = numbers.z + select(0u, 3u * n_back, is_front);
+    let end = first + 3u * select(n_back, numbers.w >> 16u, is_front);
+    for (var row = first; row < end; row += 3u) {
+        let corner = slab_row(row);
+        let ab = slab_row(row + 1u).xyz;
+        let ac = slab_row(row + 2u).xyz;
+        let ap = place - corner.xyz;
+        let across = cross(ab, ac);
+        let per_area = 1.0 / dot(across, across);
+        let u = dot(cross(ap, ac), across) * per_area;
+        let v = dot(cross(ab, ap), across) * per_area;
+        if u >= 0.0 && v >= 0.0 && u + v <= 1.0 {
+            return corner.w;
+        }
+    }
+    return -1.0;
+}
+
+// Where a ray begins that leaves a place of a slab to the side of a normal. [Wachter2019]
+fn lifted(place: vec3f, normal: vec3f) -> vec3f {
+    let steps = vec3i(256.0 * normal);
+    let moved = bitcast<vec3f>(bitcast<vec3i>(place) + select(steps, -steps, place < vec3f(0.0)));
+    let near_zero = min(1.0 / 65536.0, 256.0 * 1.1920929e-7 * slab_row(1u).w);
+    return select(moved, place + near_zero * normal, abs(place) < vec3f(1.0 / 32.0));
+}
+
+// Share of light that goes through an interface into what is denser.
+fn refracted(cosine: f32, ior: f32) -> f32 {
+    let behind = sqrt(1.0 - (1.0 - cosine * cosine) / (ior * ior));
+    let parallel = (ior * cosine - behind) / (ior * cosine + behind);
+    let perpendicular = (cosine - ior * behind) / (cosine + ior * behind);
+    return 1.0 - 0.5 * (parallel * parallel + perpendicular * perpendicular);
+}
+
+// Where a way goes through a face of a slab, the normal there along it, what of the light passes, and how far off the face rays begin;
+// below 0 where the way misses it.
+struct Crossing {
+    place: vec3f,
+    clearance: f32,
+    normal: vec3f,
+    share: vec3f,
+}
+
+// The next face of a slab on a way that has come to a place, before the glass or in it.
+fn crossing(slab: u32, direction: vec3f, at: vec3f, is_inside: bool) -> Crossing {
+    let upright = slab_row(slab);
+    let offsets = slab_row(slab + 1u);
+    let along = dot(direction, upright.xyz);
+    let cosine = abs(along);
+    var next = Crossing(at, -1.0, upright.xyz * select(1.0, -1.0, along < 0.0), vec3f(1.0));
+    if is_inside {
+        let sideways = (direction - next.normal * cosine) / upright.w;
+        let depth = sqrt(1.0 - dot(sideways, sideways));
+        next.place = at + (sideways + next.normal * depth) * ((offsets.y - offsets.x) / depth);
+        let one_face = refracted(cosine, upright.w);
+        let absorbed = slab_row(slab + 5u).xyz * distance(at, next.place);
+        next.share = slab_row(slab + 4u).xyz * exp(-absorbed) * one_face * one_face;
+    } else {
+        let t = (select(offsets.x, offsets.y, along < 0.0) - dot(upright.xyz, at)) / along;
+        if cosine < LEAST_COS || !(t > 0.0) {
+            return next;
+        }
+        next.place = at + direction * t;
+    }
+    next.clearance = clearance_at(slab, (along < 0.0) != is_inside, next.place);
+    return next;
+}
+
+// Share of light that comes along a way; nothing where something is in it.
+struct Passed {
+    share: vec3f,
+    way: u32,
+}
+
+// Along a route from a place to what lies straight toward there; straight on where the route has no slabs.
+fn passed(route: ptr<function, Route>, place: vec3f, toward: vec3f) -> Passed {
+    var share = vec3f(1.0);
+    // Where the route is, and where the next ray begins.
+    var at = place;
+    var start = place;
+    let n_faces = 2u * (*route).n;
+    for (var leg = 0u; leg <= n_faces; leg++) {
+        var next = Crossing();
+        var ray = select(place, at, lamp.kind == 2u) - start + toward;
+        if leg < n_faces {
+            let slab = (*route).slabs[leg / 2u];
+            if slabs[slab + 4u].w != 0u {
+                return Passed(vec3f(0.0), UNKNOWN);
+            }
+            next = crossing(slab, (*route).direction, at, leg % 2u == 1u);
+            if next.clearance < 0.0 {
+                return Passed(vec3f(0.0), BLOCKED);
+            }
+            share *= next.share;
+            ray = next.place - start;
+        }
+        let way = free(start, ray);
+        if way != FREE {
+            return Passed(vec3f(0.0), way);
+        }
+        at = next.place;
+        start = lifted(next.place + next.normal * next.clearance, next.normal);
+    }
+    return Passed(share, FREE);
+}
+
 // Light of a point's surface towards the viewer; w is 1 where the CPU has to find it.
 fn shaded(point: u32, tile: u32) -> vec4f {
     let first = point * POINT_ROWS;
@@ -368,25 +687,34 @@ fn shaded(point: u32, tile: u32) -> vec4f {
     }
     let ng = unit(points[first + 1u].w);
     let u = fract(shifts[tile] + hammersley(number >> 8u & 15u));
-    let light = sent(place, u, number >> 4u & 15u);
-    if light.state == UNKNOWN {
-        return vec4f(0.0, 0.0, 0.0, 1.0);
+    let own = fract(u + lattice(1u + (number >> 4u & 15u)));
+    var sum = vec3f(0.0);
+    // Straight on, and through slabs where there are any.
+    for (var nth = 0u; nth < select(1u, 2u, slabs[0].w > 0u); nth++) {
+        var route = Route();
+        var light: Sent;
+        if nth == 0u {
+            light = sent(place, u, own);
+        } else {
+            light = sent_through(place, own, &route);
+        }
+        if light.state == UNKNOWN {
+            return vec4f(0.0, 0.0, 0.0, 1.0);
+        }
+        if light.state == 0u || dot(light.wi, ng) <= 0.0 {
+            continue;
+        }
+        let value = throughput * scattered(first, ng, light.wi) * lamp.emission * light.factor;
+        if value.x + value.y + value.z <= 0.0 {
+            continue;
+        }
+        let found = passed(&route, place, light.toward);
+        if found.way == UNKNOWN {
+            return vec4f(0.0, 0.0, 0.0, 1.0);
+        }
+        sum += value * found.share;
     }
-    if light.state == 0u || dot(light.wi, ng) <= 0.0 {
-        return vec4f(0.0);
-    }
-    let value = throughput * scattered(first, ng, light.wi) * lamp.emission * light.factor;
-    if value.x + value.y + value.z <= 0.0 {
-        return vec4f(0.0);
-    }
-    var way = trace(0u, place, light.toward);
-    if way == FREE && lamp.sheer != NONE {
-        way = select(FREE, UNKNOWN, trace(lamp.sheer, place, light.toward) != FREE);
-    }
-    if way == UNKNOWN {
-        return vec4f(0.0, 0.0, 0.0, 1.0);
-    }
-    return vec4f(select(value, vec3f(0.0), way == BLOCKED), 0.0);
+    return vec4f(sum, 0.0);
 }
 
 @compute @workgroup_size(8, 8)

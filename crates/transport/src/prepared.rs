@@ -184,9 +184,9 @@ impl PreparedScene {
         self.scene.materials.iter().any(Material::casts_caustics)
     }
 
-    /// What rays of a device meet, in plain words; `None` where light also comes through solid panes, which only the CPU follows.
-    pub fn tree_words(&self) -> Option<TreeWords> {
-        self.slabs.is_empty().then(|| TreeWords::new(&self.solid, self.sheer.as_deref()))
+    /// What rays of a device meet, in plain words.
+    pub fn tree_words(&self) -> TreeWords {
+        TreeWords { slabs: self.slabs.words(self), ..TreeWords::new(&self.solid, self.sheer.as_deref()) }
     }
 
     /// What coats leave to what is below them, and what rough metal gets of light scattered repeatedly, as a table for a device.

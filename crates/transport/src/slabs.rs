@@ -8,6 +8,7 @@
 mod find;
 pub(crate) mod hidden;
 mod route;
+mod words;
 
 use glam::Vec3;
 
