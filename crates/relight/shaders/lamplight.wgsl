@@ -2,7 +2,7 @@
 // through slabs, solid panes of smooth glass, one more point of the lamp, and the way that the glass bends.
 //
 // A pixel that has something the device does not know (clear panes and alpha in the way, solids, coats of several layers,
-// a body close by) is left to the CPU as a whole, which finds it with the same numbers: w of its light is 1.
+// a flat body close by that is seen from its edge) is left to the CPU as a whole, which finds it with the same numbers: w of its light is 1.
 
 struct Lamp {
     // 0 point, 1 spot, 2 parallel light, 3 rectangle, 4 disk, 5 sphere.
@@ -23,7 +23,8 @@ struct Lamp {
     // Of a spot: one over the difference of its cosines.
     per_cos: f32,
     half_y: vec3f,
-    // Squared distance from the middle of a flat body within which the CPU decides, m²; of a sphere the squared radius.
+    // Squared distance from the middle of a flat body within which its points are chosen by the angle that it fills, m²; of a
+    // sphere the squared radius.
     near: f32,
     // Candela, lux or nit.
     emission: vec3f,
@@ -74,6 +75,9 @@ const N_COS: u32 = 32u;
 const N_ROUGHNESS: u32 = 24u;
 // A lamp without size has this one next to it, m².
 const POINT_SQUARE: f32 = 1e-4;
+// Least height over a flat lamp close by, per distance, and least angle that it fills, sr: numbers of the device tell no less.
+const LEAST_HEIGHT: f32 = 0.02;
+const LEAST_ANGLE: f32 = 1e-3;
 const SLAB_HEAD: u32 = 2u;
 const SLAB_ROWS: u32 = 6u;
 // Most slabs that a way goes through.
@@ -193,6 +197,59 @@ fn sent_from(on_lamp: LampPoint, place: vec3f) -> Sent {
     return Sent(wi, falloff / max(square, POINT_SQUARE), toward, select(0u, 1u, falloff > 0.0));
 }
 
+// Angles of cosines, to the last bits: devices' own may be off by thousands of them. [Abramowitz1964, 4.4.46]
+fn angles(cosines: vec4f) -> vec4f {
+    let x = abs(cosines);
+    var sum = vec4f(-0.0012624911);
+    sum = sum * x + 0.0066700901;
+    sum = sum * x - 0.0170881256;
+    sum = sum * x + 0.0308918810;
+    sum = sum * x - 0.0501743046;
+    sum = sum * x + 0.0889789874;
+    sum = sum * x - 0.2145988016;
+    sum = sum * x + 1.5707963050;
+    sum *= sqrt(max(1.0 - x, vec4f(0.0)));
+    return select(sum, PI - sum, cosines < vec4f(0.0));
+}
+
+// What a flat lamp close by sends to a place, by the angle that its rectangle fills: a disk lets what is beside it go dark. [Urena2013]
+fn sent_by_plate(place: vec3f, u: vec2f) -> Sent {
+    let nothing = Sent(vec3f(0.0), 0.0, vec3f(0.0), 0u);
+    let to_middle = lamp.position - place;
+    let z = dot(to_middle, lamp.axis);
+    if z >= 0.0 {
+        return nothing;
+    }
+    let size = vec2f(length(lamp.half_x), length(lamp.half_y));
+    let x_axis = lamp.half_x / size.x;
+    let y_axis = lamp.half_y / size.y;
+    let middle = vec2f(dot(to_middle, x_axis), dot(to_middle, y_axis));
+    let low = middle - size;
+    let high = middle + size;
+    // Across the lamp's plane: the normals of the planes through the place and each side.
+    let sides = vec4f(-low.y, high.x, high.y, -low.x);
+    let across = sides / sqrt(z * z + sides * sides);
+    let corners = angles(-across * across.yzwx);
+    let angle = dot(corners, vec4f(1.0)) - 2.0 * PI;
+    if -z < LEAST_HEIGHT * length(to_middle) || angle < LEAST_ANGLE {
+        return Sent(vec3f(0.0), 0.0, vec3f(0.0), UNKNOWN);
+    }
+    let around = u.x * angle + 2.0 * PI - corners.z - corners.w;
+    let slope = (cos(around) * across.x - across.z) / sin(around);
+    let cosine = min(1.0 / sqrt(slope * slope + across.x * across.x), 1.0) * select(1.0, -1.0, slope < 0.0);
+    let x = clamp(-cosine * z / sqrt(max(1.0 - cosine * cosine, 1e-30)), low.x, high.x);
+    let square = x * x + z * z;
+    let ends = vec2f(low.y, high.y) / sqrt(square + vec2f(low.y * low.y, high.y * high.y));
+    let h = mix(ends.x, ends.y, u.y);
+    let y = clamp(h * sqrt(square / max(1.0 - h * h, 1e-30)), low.y, high.y);
+    let aside = vec2f(x, y) - middle;
+    if lamp.kind == 4u && dot(aside, aside) > size.x * size.x {
+        return nothing;
+    }
+    let toward = x_axis * x + y_axis * y + lamp.axis * z;
+    return Sent(normalize(toward), angle, toward, 1u);
+}
+
 // What the lamp sends straight to a place: neighbors share `u`, and `own` is the place's alone.
 fn sent(place: vec3f, u: vec2f, own: vec2f) -> Sent {
     if lamp.kind == 5u {
@@ -200,7 +257,7 @@ fn sent(place: vec3f, u: vec2f, own: vec2f) -> Sent {
     }
     let from_middle = place - lamp.position;
     if lamp.kind >= 3u && dot(from_middle, from_middle) < lamp.near {
-        return Sent(vec3f(0.0), 0.0, vec3f(0.0), UNKNOWN);
+        return sent_by_plate(place, own);
     }
     return sent_from(lamp_point(u), place);
 }

@@ -172,6 +172,27 @@ mod tests {
         }
     }
 
+    #[test]
+    fn what_lies_close_to_a_flat_lamp_is_found_by_every_device() {
+        let gpus = Gpu::all_headless(DeviceChoice::Any);
+        assert!(!gpus.is_empty() || !is_required(), "no adapter");
+        let view = view("room.gltf", include_bytes!("../../../tests/room.gltf"));
+        let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
+        let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
+        let lamps = lamps(Vec3::new(0.1, 0.1, -0.7), Vec3::new(0.3, -0.2, -1.0));
+        for (gpu, lamp) in gpus.iter().flat_map(|gpu| lamps[3..5].iter().map(move |lamp| (gpu, lamp))) {
+            let mut device = LampDevice::new(gpu, &view).unwrap();
+            let raw = device.found((0, &points), lamp, 0, <[_]>::to_vec).unwrap().unwrap();
+            let n_left = raw.iter().filter(|rgb| rgb[3] != 0.0).count();
+            assert!(n_left < FILM.n_pixels() / 50, "{lamp:?}: {n_left} pixels are left to the CPU");
+            let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
+            let expected = points.direct(&view.scene, lamp, 0, &|| false).unwrap();
+            let (n_different, [sum, expected_sum]) = compare(&found, &expected);
+            assert!(n_different <= FILM.n_pixels() / 200, "{lamp:?}: {n_different} pixels");
+            assert!((sum - expected_sum).abs() <= 1e-3 * expected_sum, "{lamp:?}: {sum}, {expected_sum}");
+        }
+    }
+
     /// A closed box of a material of its own.
     fn add_box(scene: &mut Scene, center: Vec3, half: Vec3, material: Material) {
         let (mesh, material_idx) = (&mut scene.mesh, scene.materials.len() as u32);
