@@ -47,10 +47,11 @@ struct Lamp {
 // Random offset of the points on the lamp, by tile.
 @group(0) @binding(6) var<storage, read> shifts: array<vec2f>;
 @group(0) @binding(7) var<storage, read_write> lit: array<vec4f>;
-// Two rows for all slabs: the lower corner of their box and their number, the upper corner and the diagonal of the scene. Six for
-// each: its normal and index of refraction; along that the offsets of its back and its front, the row of its first triangle, and the
-// numbers of those of the back and, from bit 16 on, of the front; its box; what it lets pass but for what it reflects, and 1 where
-// only the CPU knows; its extinction. Three for each triangle: a corner and the clearance of the plane, and the edges from there.
+// Two rows for all slabs: the lower corner of their box and their number, the upper corner and the diagonal of the scene. Eight for
+// each: its normal and index of refraction; its middle and thickness; its box, with the row of its first triangle, and with the
+// numbers of those of the back and, from bit 16 on, of the front; what it lets pass but for what it reflects, and 1 where only the
+// CPU knows; its extinction; the axes of the rectangle around it, each with half of its length. Three for each triangle: a corner and
+// the clearance of the plane, and the edges from there.
 @group(0) @binding(8) var<storage, read> slabs: array<vec4u>;
 
 const NONE: u32 = 0xffffffffu;
@@ -79,14 +80,20 @@ const POINT_SQUARE: f32 = 1e-4;
 const LEAST_HEIGHT: f32 = 0.02;
 const LEAST_ANGLE: f32 = 1e-3;
 const SLAB_HEAD: u32 = 2u;
-const SLAB_ROWS: u32 = 6u;
+const SLAB_ROWS: u32 = 8u;
 // Most slabs that a way goes through.
-const IN_A_ROW: u32 = 6u;
+const IN_A_ROW: u32 = 8u;
 // One minus the cosine between normals that count as parallel.
 const PARALLEL: f32 = 1e-6;
 // Ways that graze the glass more than this are none.
 const LEAST_COS: f32 = 0.01;
 const NEWTON_STEPS: u32 = 12u;
+// How far aside of a straight way light is looked for in a slab, over its thickness.
+const MOST_ASIDE: f32 = 4.0;
+// Overlap of two slabs along a way, over their thickness, from which on only one of both is gone through.
+const OVERLAP: f32 = 0.1;
+// Tries to find the slabs that a way goes through.
+const TRIES: u32 = 4u;
 
 // What a lamp sends to a point: towards it, where it is, and how much.
 struct Sent {
@@ -467,6 +474,7 @@ fn free(origin: vec3f, direction: vec3f) -> u32 {
 // A way through slabs: their rows, in its order.
 struct Route {
     slabs: array<u32, IN_A_ROW>,
+    // NONE where only the CPU knows.
     n: u32,
     // Outside of the glass.
     direction: vec3f,
@@ -474,13 +482,25 @@ struct Route {
     closeness: f32,
 }
 
+// Slabs that a straight way goes through, or by, in its order.
+struct Met {
+    slabs: array<u32, IN_A_ROW>,
+    // Where it comes to the middle of the glass, half of what it is in there, and how far off it is, below 0 where it goes through.
+    meetings: array<vec3f, IN_A_ROW>,
+    n: u32,
+}
+
 fn slab_row(row: u32) -> vec4f {
     return bitcast<vec4f>(slabs[row]);
 }
 
 fn thickness(slab: u32) -> f32 {
-    let offsets = slab_row(slab + 1u);
-    return offsets.y - offsets.x;
+    return slab_row(slab + 1u).w;
+}
+
+// From the middle of a slab.
+fn from_middle(slab: u32, place: vec3f) -> vec3f {
+    return place - slab_row(slab + 1u).xyz;
 }
 
 // Whether a box of two rows shares a point with another one.
@@ -491,54 +511,149 @@ fn overlaps(row: u32, low: vec3f, high: vec3f) -> bool {
 // Whether two places are outside of the glass of a slab on either side.
 fn parts(slab: u32, start: vec3f, goal: vec3f) -> bool {
     let normal = slab_row(slab).xyz;
-    let offsets = slab_row(slab + 1u);
-    let sides = vec2f(dot(normal, start), dot(normal, goal));
-    return min(sides.x, sides.y) < offsets.x && max(sides.x, sides.y) > offsets.y;
+    let half = 0.5 * thickness(slab);
+    let sides = vec2f(dot(normal, from_middle(slab, start)), dot(normal, from_middle(slab, goal)));
+    return min(sides.x, sides.y) < -half && max(sides.x, sides.y) > half;
 }
 
-// Where a segment enters a box of two rows, 0…1; below 0 where it passes by.
-fn entry(row: u32, start: vec3f, toward: vec3f) -> f32 {
-    let reciprocal = per_axis(toward);
-    let a = (slab_row(row).xyz - start) * reciprocal;
-    let b = (slab_row(row + 1u).xyz - start) * reciprocal;
-    let near = min(a, b);
-    let far = max(a, b);
-    let enters = max(max(near.x, near.y), max(near.z, 0.0));
-    let leaves = min(min(far.x, far.y), min(far.z, 1.0));
-    return select(-1.0, enters, enters <= leaves);
+// How far a place in the plane of a face is beside the rectangle around it.
+fn excess(slab: u32, place: vec3f) -> f32 {
+    let x = slab_row(slab + 6u);
+    let y = slab_row(slab + 7u);
+    let aside = from_middle(slab, place);
+    return max(abs(dot(x.xyz, aside)) - x.w, abs(dot(y.xyz, aside)) - y.w);
 }
 
-// The slabs that a segment goes through; none where there are too many.
-fn between(start: vec3f, goal: vec3f) -> Route {
-    var route = Route();
+// Whether a face has a place in its plane; of a slab that only the CPU knows its whole rectangle does.
+fn has(slab: u32, is_front: bool, place: vec3f) -> bool {
+    return excess(slab, place) <= 0.0 && (slabs[slab + 4u].w != 0u || clearance_at(slab, is_front, place) >= 0.0);
+}
+
+// How a straight way meets a slab that its ends are on either side of; y is below 0 where it is too far off.
+fn meeting(slab: u32, start: vec3f, goal: vec3f) -> vec3f {
+    let normal = slab_row(slab).xyz;
+    let toward = goal - start;
+    let depth = dot(normal, toward);
+    let t = -dot(normal, from_middle(slab, start)) / depth;
+    let place = start + toward * t;
+    let beside = excess(slab, place);
+    if beside > 0.0 {
+        let tangent = sqrt(max(dot(toward, toward) / (depth * depth) - 1.0, 0.0));
+        if beside > thickness(slab) * min(2.0 * tangent, MOST_ASIDE) {
+            return vec3f(0.0, -1.0, 0.0);
+        }
+    }
+    return vec3f(t, 0.5 * thickness(slab) / abs(depth), select(max(beside, 0.0), -1.0, has(slab, true, place)));
+}
+
+// Whether a way goes through one of two slabs alone, as they lie side by side.
+fn are_rivals(a: vec3f, b: vec3f) -> bool {
+    return abs(a.x - b.x) < (1.0 - OVERLAP) * (a.y + b.y);
+}
+
+// The slabs that the way between two places may go through; none where there are too many.
+fn met(start: vec3f, goal: vec3f) -> Met {
+    var found = Met();
     let low = min(start, goal);
     let high = max(start, goal);
     if !overlaps(0u, low, high) {
-        return route;
+        return found;
     }
-    var entries: array<f32, IN_A_ROW>;
     for (var nth = 0u; nth < slabs[0].w; nth++) {
         let slab = SLAB_HEAD + nth * SLAB_ROWS;
         if !overlaps(slab + 2u, low, high) || !parts(slab, start, goal) {
             continue;
         }
-        let enters = entry(slab + 2u, start, goal - start);
-        if enters < 0.0 {
+        let one = meeting(slab, start, goal);
+        if one.y < 0.0 {
             continue;
+        }
+        var is_nearest = true;
+        var kept = 0u;
+        for (var i = 0u; i < found.n; i++) {
+            is_nearest = is_nearest && !(are_rivals(found.meetings[i], one) && found.meetings[i].z <= one.z);
+        }
+        if !is_nearest {
+            continue;
+        }
+        for (var i = 0u; i < found.n; i++) {
+            if !are_rivals(found.meetings[i], one) {
+                found.meetings[kept] = found.meetings[i];
+                found.slabs[kept] = found.slabs[i];
+                kept++;
+            }
+        }
+        if kept == IN_A_ROW {
+            return Met();
+        }
+        var at = kept;
+        for (; at > 0u; at--) {
+            if found.meetings[at - 1u].x <= one.x {
+                break;
+            }
+            found.meetings[at] = found.meetings[at - 1u];
+            found.slabs[at] = found.slabs[at - 1u];
+        }
+        found.meetings[at] = one;
+        found.slabs[at] = slab;
+        found.n = kept + 1u;
+    }
+    return found;
+}
+
+// Distance at which a ray enters a slab between two places; not above 0 where it does not.
+fn entered(slab: u32, start: vec3f, direction: vec3f) -> f32 {
+    let normal = slab_row(slab).xyz;
+    let along = dot(normal, direction);
+    let half = 0.5 * thickness(slab);
+    let t = (select(-half, half, along < 0.0) - dot(normal, from_middle(slab, start))) / along;
+    if abs(along) < LEAST_COS || !(t > 0.0) || !has(slab, along < 0.0, start + direction * t) {
+        return 0.0;
+    }
+    return t;
+}
+
+// Where light leaves a slab that comes into it at a place.
+fn through(slab: u32, into: vec3f, direction: vec3f) -> vec3f {
+    let upright = slab_row(slab);
+    let along = dot(direction, upright.xyz);
+    let normal = upright.xyz * select(1.0, -1.0, along < 0.0);
+    let sideways = (direction - normal * abs(along)) / upright.w;
+    let depth = sqrt(1.0 - dot(sideways, sideways));
+    return into + (sideways + normal * depth) * (thickness(slab) / depth);
+}
+
+// The way from a place in a direction through the slabs on it before another one; none where there are too many.
+fn followed(start: vec3f, goal: vec3f, direction: vec3f) -> Route {
+    var route = Route();
+    route.direction = direction;
+    route.closeness = 1.0;
+    var at = start;
+    let reach = direction * distance(start, goal);
+    loop {
+        var nearest = 0.0;
+        var next = NONE;
+        var into = at;
+        for (var nth = 0u; nth < slabs[0].w; nth++) {
+            let slab = SLAB_HEAD + nth * SLAB_ROWS;
+            if !overlaps(slab + 2u, min(at, at + reach), max(at, at + reach)) || !parts(slab, start, goal) {
+                continue;
+            }
+            let t = entered(slab, at, direction);
+            if t > 0.0 && (next == NONE || t < nearest) {
+                nearest = t;
+                next = slab;
+                into = at + direction * t;
+            }
+        }
+        if next == NONE {
+            break;
         }
         if route.n == IN_A_ROW {
             return Route();
         }
-        var at = route.n;
-        for (; at > 0u; at--) {
-            if entries[at - 1u] <= enters {
-                break;
-            }
-            entries[at] = entries[at - 1u];
-            route.slabs[at] = route.slabs[at - 1u];
-        }
-        entries[at] = enters;
-        route.slabs[at] = slab;
+        at = through(next, into, direction);
+        route.slabs[route.n] = next;
         route.n++;
     }
     return route;
@@ -559,31 +674,30 @@ fn bend(route: ptr<function, Route>, air: f32, tangent: f32) -> vec2f {
     return aside;
 }
 
-// The one way between two places through the slabs between them, if those are parallel; through none where there is none.
-fn bent(start: vec3f, goal: vec3f) -> Route {
-    var route = between(start, goal);
-    if route.n == 0u {
-        return route;
-    }
+// Turns a route to the direction that it has between two places if its slabs were endless; none where that grazes them, and only the
+// CPU knows where they are not parallel.
+fn turn(route: ptr<function, Route>, start: vec3f, goal: vec3f) {
     let toward = goal - start;
-    var normal = slab_row(route.slabs[0]).xyz;
+    var normal = slab_row((*route).slabs[0]).xyz;
     normal *= select(1.0, -1.0, dot(normal, toward) < 0.0);
     let depth = dot(normal, toward);
     var air = depth;
-    for (var i = 0u; i < route.n; i++) {
-        if abs(dot(slab_row(route.slabs[i]).xyz, normal)) <= 1.0 - PARALLEL {
-            return Route();
+    for (var i = 0u; i < (*route).n; i++) {
+        if abs(dot(slab_row((*route).slabs[i]).xyz, normal)) <= 1.0 - PARALLEL {
+            (*route).n = NONE;
+            return;
         }
-        air -= thickness(route.slabs[i]);
+        air -= thickness((*route).slabs[i]);
     }
     if !(air > 0.0) {
-        return Route();
+        (*route).n = 0u;
+        return;
     }
     let aside = toward - normal * depth;
     let away = length(aside);
     // From below: each step of Newton's stays there.
     var tangent = away / depth;
-    var reach = bend(&route, air, tangent);
+    var reach = bend(route, air, tangent);
     for (var nth = 0u; nth < NEWTON_STEPS; nth++) {
         let square_cosine = 1.0 / (1.0 + tangent * tangent);
         let excess = reach.x * tangent * sqrt(square_cosine) - away;
@@ -592,29 +706,74 @@ fn bent(start: vec3f, goal: vec3f) -> Route {
             break;
         }
         tangent = next;
-        reach = bend(&route, air, tangent);
+        reach = bend(route, air, tangent);
     }
     let cosine = 1.0 / sqrt(1.0 + tangent * tangent);
+    (*route).direction = (normal + aside / max(away, 1e-30) * tangent) * cosine;
+    (*route).closeness = 1.0 / (reach.x * reach.y * cosine);
     if cosine < LEAST_COS {
+        (*route).n = 0u;
+    }
+}
+
+// The way between two places through just the slabs that it meets, sought from some that it may meet.
+fn settled(row: Route, start: vec3f, goal: vec3f) -> Route {
+    var route = row;
+    for (var nth = 0u; nth < TRIES && route.n > 0u; nth++) {
+        turn(&route, start, goal);
+        if route.n == 0u || route.n == NONE {
+            return route;
+        }
+        var way = followed(start, goal, route.direction);
+        var is_same = way.n == route.n;
+        for (var i = 0u; i < route.n; i++) {
+            is_same = is_same && way.slabs[i] == route.slabs[i];
+        }
+        if is_same {
+            return route;
+        }
+        route = way;
+    }
+    return Route();
+}
+
+// The one way between two places through the slabs between them; through none where there is none.
+fn bent(start: vec3f, goal: vec3f) -> Route {
+    var found = met(start, goal);
+    if found.n == 0u {
         return Route();
     }
-    route.direction = (normal + aside / max(away, 1e-30) * tangent) * cosine;
-    route.closeness = 1.0 / (reach.x * reach.y * cosine);
-    return route;
+    var row = Route();
+    row.slabs = found.slabs;
+    row.n = found.n;
+    let route = settled(row, start, goal);
+    if route.n > 0u {
+        return route;
+    }
+    // Those alone that the straight way goes through.
+    var straight = Route();
+    for (var i = 0u; i < found.n; i++) {
+        if found.meetings[i].z < 0.0 {
+            straight.slabs[straight.n] = found.slabs[i];
+            straight.n++;
+        }
+    }
+    if straight.n == found.n {
+        return route;
+    }
+    return settled(straight, start, goal);
 }
 
 // What a point of the lamp sends to a place through slabs, and the way of that; nothing where there are none.
 fn sent_through(place: vec3f, u: vec2f, route: ptr<function, Route>) -> Sent {
     let on_lamp = lamp_point(u);
     if lamp.kind == 2u {
-        *route = between(place, place - lamp.axis * lamp.far);
-        (*route).direction = -lamp.axis;
-        (*route).closeness = 1.0;
+        *route = followed(place, place - lamp.axis * lamp.far, -lamp.axis);
     } else {
         *route = bent(place, on_lamp.position);
     }
-    if (*route).n == 0u {
-        return Sent(vec3f(0.0), 0.0, vec3f(0.0), 0u);
+    if (*route).n == 0u || (*route).n == NONE {
+        return Sent(vec3f(0.0), 0.0, vec3f(0.0), select(0u, UNKNOWN, (*route).n == NONE));
     }
     // From there the lamp looks, without slabs, as it does from here through them.
     let eye = on_lamp.position - (*route).direction / sqrt((*route).closeness);
@@ -625,10 +784,10 @@ fn sent_through(place: vec3f, u: vec2f, route: ptr<function, Route>) -> Sent {
 
 // The clearance of the triangle of a face that has a place in its plane; below 0 where none has it.
 fn clearance_at(slab: u32, is_front: bool, place: vec3f) -> f32 {
-    let numbers = slabs[slab + 1u];
-    let n_back = numbers.w & 0xffffu;
-    let first = numbers.z + select(0u, 3u * n_back, is_front);
-    let end = first + 3u * select(n_back, numbers.w >> 16u, is_front);
+    let numbers = slabs[slab + 3u].w;
+    let n_back = numbers & 0xffffu;
+    let first = slabs[slab + 2u].w + select(0u, 3u * n_back, is_front);
+    let end = first + 3u * select(n_back, numbers >> 16u, is_front);
     for (var row = first; row < end; row += 3u) {
         let corner = slab_row(row);
         let ab = slab_row(row + 1u).xyz;
@@ -673,22 +832,16 @@ struct Crossing {
 // The next face of a slab on a way that has come to a place, before the glass or in it.
 fn crossing(slab: u32, direction: vec3f, at: vec3f, is_inside: bool) -> Crossing {
     let upright = slab_row(slab);
-    let offsets = slab_row(slab + 1u);
     let along = dot(direction, upright.xyz);
-    let cosine = abs(along);
     var next = Crossing(at, -1.0, upright.xyz * select(1.0, -1.0, along < 0.0), vec3f(1.0));
     if is_inside {
-        let sideways = (direction - next.normal * cosine) / upright.w;
-        let depth = sqrt(1.0 - dot(sideways, sideways));
-        next.place = at + (sideways + next.normal * depth) * ((offsets.y - offsets.x) / depth);
-        let one_face = refracted(cosine, upright.w);
+        next.place = through(slab, at, direction);
+        let one_face = refracted(abs(along), upright.w);
         let absorbed = slab_row(slab + 5u).xyz * distance(at, next.place);
         next.share = slab_row(slab + 4u).xyz * exp(-absorbed) * one_face * one_face;
     } else {
-        let t = (select(offsets.x, offsets.y, along < 0.0) - dot(upright.xyz, at)) / along;
-        if cosine < LEAST_COS || !(t > 0.0) {
-            return next;
-        }
+        let half = 0.5 * thickness(slab);
+        let t = (select(-half, half, along < 0.0) - dot(upright.xyz, from_middle(slab, at))) / along;
         next.place = at + direction * t;
     }
     next.clearance = clearance_at(slab, (along < 0.0) != is_inside, next.place);

@@ -8,6 +8,7 @@ mod deadline;
 mod denoise;
 mod estimators;
 mod finishes;
+mod glazing;
 mod irradiance;
 mod leaks;
 mod panes;

@@ -11,23 +11,24 @@ type Row = [u32; 4];
 
 /// Rows of all slabs, of each, and of a triangle.
 const HEAD: usize = 2;
-const SLAB_ROWS: usize = 6;
+const SLAB_ROWS: usize = 8;
 const TRIANGLE_ROWS: usize = 3;
 /// Most triangles of a face that a device knows.
 const MOST_TRIANGLES: usize = 0xffff;
 
 impl Slabs {
-    /// Two rows for all slabs: the lower corner of their box and their number, the upper corner and the diagonal of the scene. Six for
-    /// each: normal and index of refraction; offsets of back and front, the row of its first triangle, and the numbers of those of the
-    /// back and, from bit 16 on, of the front; its box; what it lets pass but for what it reflects, and 1 where that cannot be told;
-    /// extinction, 1/m. Three for each triangle, those of a back first: a corner and the clearance, and the edges from there.
+    /// Two rows for all slabs: the lower corner of their box and their number, the upper corner and the diagonal of the scene. Eight for
+    /// each: normal and index of refraction; middle and thickness; its box, with the row of its first triangle, and with the numbers of
+    /// those of the back and, from bit 16 on, of the front; what it lets pass but for what it reflects, and 1 where that cannot be told;
+    /// extinction, 1/m; the axes of the rectangle around it, each with half of its length. Three for each triangle, those of a back
+    /// first: a corner and the clearance, and the edges from there.
     pub(crate) fn words(&self, scene: &PreparedScene) -> Vec<Row> {
         if self.is_empty() {
             return vec![[0; 4]; HEAD];
         }
         let n_slabs = self.slabs.len();
-        let mut rows =
-            vec![row(self.bounds.lo, n_slabs as u32), row(self.bounds.hi, scene.extent().to_bits())];
+        let bounds = self.tree.bounds();
+        let mut rows = vec![row(bounds.lo, n_slabs as u32), row(bounds.hi, scene.extent().to_bits())];
         let mut first = HEAD + SLAB_ROWS * n_slabs;
         for slab in &self.slabs {
             rows.extend(slab.words(scene, first as u32));
@@ -43,15 +44,17 @@ impl Slab {
     fn words(&self, scene: &PreparedScene, first_triangle: u32) -> [Row; SLAB_ROWS] {
         let [n_back, n_front] = self.triangles.each_ref().map(Vec::len);
         let looks = self.looks(scene).filter(|_| n_back.max(n_front) <= MOST_TRIANGLES);
-        let [back, front] = self.offsets.map(f32::to_bits);
+        let ([x, y], half) = (self.outline.axes, self.outline.half);
         let (passed, extinction) = looks.unwrap_or_default();
         [
             row(self.normal, self.ior.to_bits()),
-            [back, front, first_triangle, n_back as u32 | (n_front as u32) << 16],
-            row(self.bounds.lo, 0),
-            row(self.bounds.hi, 0),
+            row(self.center, self.thickness.to_bits()),
+            row(self.bounds.lo, first_triangle),
+            row(self.bounds.hi, n_back as u32 | (n_front as u32) << 16),
             row(passed, u32::from(looks.is_none())),
             row(extinction, 0),
+            row(x, half.x.to_bits()),
+            row(y, half.y.to_bits()),
         ]
     }
 

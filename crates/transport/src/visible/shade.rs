@@ -162,11 +162,13 @@ impl<'a> Shading<'a> {
         let end = lamp.lamp.point(u)?;
         let way = slabs.way(position, end.position)?;
         // Half of the ways leave a surface or a lamp to the wrong side, which costs less to know than how they are bent.
-        let (bounds, ng) = (way.bounds(), point.normal());
-        let may_send = bounds.iter().any(|wi| point.may_send(ng, *wi));
-        let may_shine = body.is_none() || bounds.iter().any(|wi| wi.dot(end.normal) < 0.0);
-        if !may_send || !may_shine {
-            return None;
+        let ng = point.normal();
+        if let Some(bounds) = way.bounds() {
+            let may_send = bounds.iter().any(|wi| point.may_send(ng, *wi));
+            let may_shine = body.is_none() || bounds.iter().any(|wi| wi.dot(end.normal) < 0.0);
+            if !may_send || !may_shine {
+                return None;
+            }
         }
         Some((Some(end.position), slabs.bent(&way)?))
     }

@@ -83,7 +83,7 @@ mod tests {
     use clerestory_transport::patches::NARROW_ALPHA;
     use clerestory_transport::scene::{Material, Scene};
     use clerestory_transport::visible::VisibleConfig;
-    use glam::{Vec3, Vec4};
+    use glam::{Quat, Vec3, Vec4};
 
     use super::*;
 
@@ -193,16 +193,16 @@ mod tests {
         }
     }
 
-    /// A closed box of a material of its own.
-    fn add_box(scene: &mut Scene, center: Vec3, half: Vec3, material: Material) {
+    /// A closed box of a material of its own, turned about the origin.
+    fn add_box(scene: &mut Scene, (center, half): (Vec3, Vec3), turn: Quat, material: Material) {
         let (mesh, material_idx) = (&mut scene.mesh, scene.materials.len() as u32);
         scene.materials.push(material);
         for (axis, side) in (0..3).flat_map(|axis| [-1.0f32, 1.0].map(|side| (axis, side))) {
             let along = |axis: usize| Vec3::AXES[axis % 3] * half[axis % 3];
             let (n, u, v) = (along(axis) * side, along(axis + 1), along(axis + 2) * side);
             let first = mesh.positions.len() as u32;
-            mesh.positions.extend([-u - v, u - v, u + v, v - u].map(|corner| center + n + corner));
-            mesh.normals.extend([n.normalize(); 4]);
+            mesh.positions.extend([-u - v, u - v, u + v, v - u].map(|corner| turn * (center + n + corner)));
+            mesh.normals.extend([turn * n.normalize(); 4]);
             mesh.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|nth| first + nth)));
             mesh.triangle_material.extend([material_idx; 2]);
             mesh.triangle_node.extend([0; 2]);
@@ -211,6 +211,17 @@ mod tests {
 
     /// A room without its wall behind the viewer, who sees it through a pane of solid glass from wall to wall and a smaller one.
     fn glazed() -> LampView {
+        let wide = (Vec3::Z * -0.1, Vec3::new(1.2, 1.2, 0.03));
+        glazed_with([wide, (Vec3::new(-0.3, 0.1, 0.1), Vec3::new(0.6, 0.7, 0.04))], Quat::IDENTITY)
+    }
+
+    /// The same behind two panes beside each other.
+    fn glazed_aslant(turn: Quat) -> LampView {
+        glazed_with([-0.7, 0.7].map(|x| (Vec3::X * x, Vec3::new(0.7, 1.2, 0.03))), turn)
+    }
+
+    /// The same with panes as given by middle and half of their size, and then turned about the origin.
+    fn glazed_with([one, other]: [(Vec3, Vec3); 2], turn: Quat) -> LampView {
         let room = include_str!("../../../tests/room.gltf").replace(r#""count": 36"#, r#""count": 30"#);
         let mut scene = import::load_bytes("room.gltf", room.as_bytes()).unwrap().scene;
         let glass = Material {
@@ -221,9 +232,10 @@ mod tests {
             thickness: 1.0,
             ..Material::default()
         };
-        let tinted = Material { attenuation_distance: 0.1, attenuation_color: Vec3::new(0.9, 0.6, 0.7), ..glass.clone() };
-        add_box(&mut scene, Vec3::Z * -0.1, Vec3::new(1.2, 1.2, 0.03), glass);
-        add_box(&mut scene, Vec3::new(-0.3, 0.1, 0.1), Vec3::new(0.6, 0.7, 0.04), tinted);
+        let tinted =
+            Material { attenuation_distance: 0.1, attenuation_color: Vec3::new(0.9, 0.6, 0.7), ..glass.clone() };
+        add_box(&mut scene, one, turn, glass);
+        add_box(&mut scene, other, turn, tinted);
         view_of(scene)
     }
 
@@ -231,13 +243,20 @@ mod tests {
     fn every_device_finds_the_light_that_solid_panes_bend() {
         let gpus = Gpu::all_headless(DeviceChoice::Any);
         assert!(!gpus.is_empty() || !is_required(), "no adapter");
-        let view = glazed();
+        let turn = Quat::from_rotation_y(0.5);
+        for (view, turn) in [(glazed(), Quat::IDENTITY), (glazed_aslant(turn), turn)] {
+            let [behind, before] = [Vec3::new(0.1, 0.2, -0.6), Vec3::new(-0.2, 0.1, 0.6)].map(|place| turn * place);
+            assert_light_through_panes(&gpus, &view, [behind, before]);
+        }
+    }
+
+    /// Holds devices against the CPU for lamps on both sides of panes.
+    fn assert_light_through_panes(gpus: &[Gpu], view: &LampView, [behind, before]: [Vec3; 2]) {
         let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
         let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
-        let (behind, before) = (Vec3::new(0.1, 0.2, -0.6), Vec3::new(-0.2, 0.1, 0.6));
         let sides = [lamps(behind, before), lamps(before, behind)];
         for (gpu, (side, lamps)) in gpus.iter().flat_map(|gpu| sides.iter().enumerate().map(move |side| (gpu, side))) {
-            let mut device = LampDevice::new(gpu, &view).unwrap();
+            let mut device = LampDevice::new(gpu, view).unwrap();
             for (nth, lamp) in lamps.iter().enumerate() {
                 let what = format!("lamp {nth} of side {side}");
                 let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
