@@ -12,10 +12,10 @@ use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 use crate::scene::{PunctualKind, Scene};
-use crate::slabs::hidden;
+use crate::slabs::{Slabs, hidden};
 
 /// Turns of walls about the vertical.
-const TURNS: [f32; 5] = [0.0, 0.5236, 0.7854, -0.7854, 2.3562];
+const TURNS: [f32; 3] = [0.5236, 0.7854, 2.3562];
 
 /// A floor before a wall at a distance of 1 m that is turned, with panes in it from some places to others along it.
 fn wall(turn: Quat, panes: &[[f32; 2]]) -> Stage {
@@ -53,7 +53,7 @@ fn ready(scene: Scene) -> PreparedScene {
 fn two_panes_beside_each_other_pass_what_one_of_double_width_passes() {
     for (angle, (what, light)) in TURNS.iter().flat_map(|angle| LIGHTS.map(|light| (*angle, light))) {
         let turn = Quat::from_rotation_y(angle);
-        for x in [-2.2, -1.4, -0.6, 0.2, 0.8, 1.6, 2.3] {
+        for x in [-1.4, -0.6, 0.8, 2.3] {
             let at = turn * Vec3::new(x, HEIGHT, -2.5);
             let of = |panes: &[[f32; 2]]| {
                 let scene = ready(light(wall(turn, panes), at));
@@ -212,7 +212,7 @@ fn turned(width: f32, distance: f32) -> impl Iterator<Item = Scene> {
 
 fn assert_slabs(scenes: impl Iterator<Item = Scene>, what: &str) {
     for (case, scene) in scenes.enumerate() {
-        assert_eq!(ready(scene).slabs.len(), 1, "{what}, {case}");
+        assert_eq!(Slabs::find(&scene).len(), 1, "{what}, {case}");
     }
 }
 

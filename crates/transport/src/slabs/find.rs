@@ -8,7 +8,7 @@ use crate::scene::{AlphaMode, Material, Mesh, Scene};
 /// Thickness over the shorter extent of a face up to which a body is a pane and not a block.
 const THINNEST_BLOCK: f32 = 0.5;
 /// Span of a face across its plane over the extent of the body, up to which it is flat: files round places and normals.
-const FLAT: f32 = 3e-3;
+const FLAT: f32 = 2e-3;
 /// The same over its thickness.
 const FLAT_IN_GLASS: f32 = 0.5;
 /// Thickness over the extent of a body up to which it is none.
