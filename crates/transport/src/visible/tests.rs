@@ -273,19 +273,17 @@ fn two_panes_in_a_turned_wall_pass_light_of_free_lamps_as_one_of_double_width_do
         });
         wall.prepared()
     };
+    let (one, two) = (behind(&[[-1.0, 1.0]]), behind(&[[-1.0, 0.0], [0.0, 1.0]]));
     for lamp in shapes() {
         let lamp = FreeLamp { position: turn * Vec3::new(0.3, 1.5, -2.5), aim: Vec3::ZERO, ..lamp };
         let lamps = prepared(std::slice::from_ref(&lamp));
-        let seen = |panes: &[[f32; 2]]| live(&behind(panes), &lamps, FILM, 1, 0);
-        let (one, two) = (seen(&[[-1.0, 1.0]]), seen(&[[-1.0, 0.0], [0.0, 1.0]]));
+        let [one, two] = [&one, &two].map(|scene| live(scene, &lamps, FILM, 1, 0));
         let n_lit = one.iter().filter(|rgb| rgb[1] > 0.0).count();
         let differ = |(a, b): &(&[f32; 3], &[f32; 3])| (a[1] - b[1]).abs() > 0.01 * a[1];
         let n_different = one.iter().zip(&two).filter(differ).count();
-        assert!(
-            n_lit > FILM.n_pixels() / 2 && n_different <= FILM.n_pixels() / 50,
-            "{:?}: {n_different} of {n_lit}",
-            lamp.shape
-        );
+        // Half of the points of a sphere face away.
+        let are_alike = n_lit > FILM.n_pixels() / 4 && n_different <= FILM.n_pixels() / 50;
+        assert!(are_alike, "{:?}: {n_different} of {n_lit}", lamp.shape);
     }
 }
 
