@@ -1,6 +1,9 @@
 //! Finds the slabs of a scene: closed bodies of smooth glass whose greatest faces are flat and parallel.
 
-use super::{Bounds, Face, NONE, PARALLEL, Slab, Slabs};
+use glam::{Vec2, Vec4};
+
+use super::{Bounds, Face, Facet, NONE, PARALLEL, Slab, Slabs};
+use crate::bsdf::{SurfaceParams, surface_params};
 use crate::scene::{AlphaMode, Material, Mesh, Scene};
 
 /// Thickness over the shorter extent of a face up to which a body is a pane and not a block.
@@ -17,8 +20,7 @@ impl Slabs {
         let mut slabs = Slabs::default();
         let own = |t: u32| (mesh.triangle_node[t as usize], mesh.triangle_material[t as usize]);
         for body in mesh.bodies(&glass, own) {
-            let material = &scene.materials[mesh.triangle_material[body[0] as usize] as usize];
-            if let Some(slab) = slab(mesh, &body, material.ior) {
+            if let Some(slab) = slab(scene, &body) {
                 slabs.add(slab, mesh.triangles.len());
             }
         }
@@ -27,9 +29,9 @@ impl Slabs {
 
     fn add(&mut self, slab: Slab, n_triangles: usize) {
         self.faces.resize(n_triangles, (NONE, Face::Back));
-        for (face, triangles) in [Face::Back, Face::Front].into_iter().zip(&slab.triangles) {
-            for &triangle in triangles {
-                self.faces[triangle as usize] = (self.slabs.len() as u32, face);
+        for (face, facets) in [Face::Back, Face::Front].into_iter().zip(&slab.facets) {
+            for facet in facets {
+                self.faces[facet.triangle as usize] = (self.slabs.len() as u32, face);
             }
         }
         self.bounds = self.bounds.with(slab.bounds.lo).with(slab.bounds.hi);
@@ -50,7 +52,8 @@ pub(super) fn bends(material: &Material) -> bool {
 }
 
 /// The slab that a body is, if it is one.
-fn slab(mesh: &Mesh, body: &[u32], ior: f32) -> Option<Slab> {
+fn slab(scene: &Scene, body: &[u32]) -> Option<Slab> {
+    let (mesh, material) = (&scene.mesh, material_of(scene, body));
     let largest = *body.iter().max_by(|a, b| area(mesh, **a).total_cmp(&area(mesh, **b)))?;
     let normal = mesh.area_normal(largest).try_normalize()?;
     let (mut triangles, mut spans) = ([Vec::new(), Vec::new()], [[f32::INFINITY, f32::NEG_INFINITY]; 2]);
@@ -84,7 +87,24 @@ fn slab(mesh: &Mesh, body: &[u32], ior: f32) -> Option<Slab> {
     {
         return None;
     }
-    Some(Slab { normal, offsets, ior, bounds: bounds.grown(FLAT * extent), triangles })
+    let facets = triangles.map(|face| face.into_iter().map(|triangle| Facet::new(mesh, triangle)).collect());
+    let bounds = bounds.grown(FLAT * extent);
+    Some(Slab { normal, offsets, ior: material.ior, bounds, facets, looks: looks(scene, body) })
+}
+
+/// The material of a body, which has one alone.
+fn material_of<'a>(scene: &'a Scene, body: &[u32]) -> &'a Material {
+    &scene.materials[scene.mesh.triangle_material[body[0] as usize] as usize]
+}
+
+/// What a body is made of, where that is the same everywhere.
+fn looks(scene: &Scene, body: &[u32]) -> Option<SurfaceParams> {
+    let (mesh, material) = (&scene.mesh, material_of(scene, body));
+    let textures = [material.base_color_texture, material.metallic_roughness_texture, material.transmission_texture];
+    let mut vertices = body.iter().flat_map(|&triangle| mesh.triangles[triangle as usize]);
+    let is_colored = !mesh.colors.is_empty() && vertices.any(|vertex| mesh.colors[vertex as usize] != Vec4::ONE);
+    let is_even = !is_colored && textures.iter().all(Option::is_none);
+    is_even.then(|| surface_params(material, &scene.textures, [Vec2::ZERO; 2], None))
 }
 
 /// About the shorter extent of a flat face, m: its area over its greatest extent.

@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 
-use super::{Bounds, Face, IN_A_ROW, PARALLEL, Slab, Slabs};
-use crate::prepared::PreparedScene;
+use super::{Bounds, Face, Facet, IN_A_ROW, PARALLEL, Slab, Slabs};
+use crate::bsdf::SurfaceParams;
 
 /// Steps of Newton's method: quadratic from the near side, so that these reach single precision from any start.
 const STEPS: u32 = 12;
@@ -29,8 +29,10 @@ pub(crate) struct Route {
 pub(crate) struct Crossing<'a> {
     /// Where.
     pub(crate) point: Vec3,
-    /// Triangles of the face.
-    pub(crate) triangles: &'a [u32],
+    /// Those of the face.
+    pub(crate) facets: &'a [Facet],
+    /// What the glass is made of, where that is the same everywhere.
+    pub(crate) looks: Option<&'a SurfaceParams>,
 }
 
 /// What a straight segment tells of the path through slabs between its ends.
@@ -49,6 +51,11 @@ pub(crate) struct Way {
 }
 
 impl Way {
+    /// The first slab on it.
+    pub(crate) fn first(&self) -> u32 {
+        self.slabs[0]
+    }
+
     /// Two vectors that the direction of the path lies between: straight on, and as if it got aside outside of the glass alone.
     pub(crate) fn bounds(&self) -> [Vec3; 2] {
         let steep = self.normal * self.air + self.aside;
@@ -109,12 +116,12 @@ impl Slabs {
         Some(route)
     }
 
-    /// Whether the straight segment between two points meets the first slab of a route as well: nothing goes straight through its glass.
-    pub(crate) fn is_in_between(&self, scene: &PreparedScene, route: &Route, [from, to]: [Vec3; 2]) -> bool {
-        let slab = &self.slabs[route.slabs[0] as usize];
+    /// Whether the straight segment between two points meets a slab: nothing goes straight through its glass.
+    pub(crate) fn is_in_between(&self, slab: u32, [from, to]: [Vec3; 2]) -> bool {
+        let slab = &self.slabs[slab as usize];
         let (way, face) = (to - from, slab.first_face(to - from) as usize);
         let t = (slab.offsets[face] - slab.normal.dot(from)) / slab.normal.dot(way);
-        t > 0.0 && t < 1.0 && scene.is_in_one(from + way * t, &slab.triangles[face])
+        t > 0.0 && t < 1.0 && Facet::with(&slab.facets[face], from + way * t).is_some()
     }
 
     /// The faces that a route goes through, in order.
@@ -122,7 +129,8 @@ impl Slabs {
         route.slabs().iter().zip(&route.points).flat_map(|(&slab, points)| {
             let slab = &self.slabs[slab as usize];
             let first = slab.first_face(route.direction) as usize;
-            let at = |point, face: usize| Crossing { point, triangles: &slab.triangles[face] };
+            let looks = slab.looks.as_ref();
+            let at = |point, face: usize| Crossing { point, facets: &slab.facets[face], looks };
             [at(points[0], first), at(points[1], 1 - first)]
         })
     }
@@ -167,8 +175,10 @@ impl Slabs {
             }
             (bend, bend.away_over_sin * sin - away, bend.slope * cos * cos)
         };
-        // The sum is concave in the tangent: from below, each step stays below. The straight way is below.
-        let (mut bend, mut excess, mut slope) = at(away / (way.air + way.glass));
+        // The sum is concave in the tangent: from below, each step stays below. So is what small angles would be bent to.
+        let shallow = |&slab: &u32| self.slabs[slab as usize].thickness() / self.slabs[slab as usize].ior;
+        let shallow: f32 = way.slabs[..way.n].iter().map(shallow).sum();
+        let (mut bend, mut excess, mut slope) = at(away / (way.air + shallow));
         for _ in 0..STEPS {
             let tan = bend.tan - excess / slope;
             if tan <= bend.tan || tan.is_nan() {

@@ -248,10 +248,11 @@ fn direct_light_through_a_solid_pane_is_that_of_walks() {
         let floor = quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0);
         let shade = quad(Vec3::new(-0.2, 0.3, 0.2), Vec3::X * 0.4, Vec3::NEG_Z * 0.4);
         let dark = Material { double_sided: true, ..lambert(0.2, 0.0) };
-        Stage::new(camera)
-            .surface("floor", &floor, lambert(ALBEDO, 0.0))
-            .surface("shade", &shade, dark)
-            .surface("window", &window, glass())
+        Stage::new(camera).surface("floor", &floor, lambert(ALBEDO, 0.0)).surface("shade", &shade, dark).surface(
+            "window",
+            &window,
+            glass(),
+        )
     };
     for lamp in shapes() {
         let lamp = FreeLamp { position: Vec3::new(0.3, 1.9, 0.2), aim: Vec3::ZERO, ..lamp };

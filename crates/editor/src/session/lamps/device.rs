@@ -221,7 +221,8 @@ mod tests {
             thickness: 1.0,
             ..Material::default()
         };
-        let tinted = Material { attenuation_distance: 0.1, attenuation_color: Vec3::new(0.9, 0.6, 0.7), ..glass.clone() };
+        let tinted =
+            Material { attenuation_distance: 0.1, attenuation_color: Vec3::new(0.9, 0.6, 0.7), ..glass.clone() };
         add_box(&mut scene, Vec3::Z * -0.1, Vec3::new(1.2, 1.2, 0.03), glass);
         add_box(&mut scene, Vec3::new(-0.3, 0.1, 0.1), Vec3::new(0.6, 0.7, 0.04), tinted);
         view_of(scene)
