@@ -526,7 +526,7 @@ fn excess(slab: u32, place: vec3f) -> f32 {
 
 // Whether a face has a place in its plane; of a slab that only the CPU knows its whole rectangle does.
 fn has(slab: u32, is_front: bool, place: vec3f) -> bool {
-    return excess(slab, place) <= 0.0 && (slabs[slab + 4u].w != 0u || clearance_at(slab, is_front, place) >= 0.0);
+    return excess(slab, place) <= 0.0 && (slabs[slab + 4u].w != 0u || on_face(slab, is_front, place).w >= 0.0);
 }
 
 // How a straight way meets a slab that its ends are on either side of; y is below 0 where it is too far off.
@@ -682,12 +682,17 @@ fn turn(route: ptr<function, Route>, start: vec3f, goal: vec3f) {
     normal *= select(1.0, -1.0, dot(normal, toward) < 0.0);
     let depth = dot(normal, toward);
     var air = depth;
+    // As small angles would be bent.
+    var shallow = depth;
     for (var i = 0u; i < (*route).n; i++) {
-        if abs(dot(slab_row((*route).slabs[i]).xyz, normal)) <= 1.0 - PARALLEL {
+        let slab = (*route).slabs[i];
+        if abs(dot(slab_row(slab).xyz, normal)) <= 1.0 - PARALLEL {
             (*route).n = NONE;
             return;
         }
-        air -= thickness((*route).slabs[i]);
+        let glass = thickness(slab);
+        air -= glass;
+        shallow -= glass - glass / slab_row(slab).w;
     }
     if !(air > 0.0) {
         (*route).n = 0u;
@@ -696,7 +701,7 @@ fn turn(route: ptr<function, Route>, start: vec3f, goal: vec3f) {
     let aside = toward - normal * depth;
     let away = length(aside);
     // From below: each step of Newton's stays there.
-    var tangent = away / depth;
+    var tangent = away / shallow;
     var reach = bend(route, air, tangent);
     for (var nth = 0u; nth < NEWTON_STEPS; nth++) {
         let square_cosine = 1.0 / (1.0 + tangent * tangent);
@@ -782,8 +787,8 @@ fn sent_through(place: vec3f, u: vec2f, route: ptr<function, Route>) -> Sent {
     return light;
 }
 
-// The clearance of the triangle of a face that has a place in its plane; below 0 where none has it.
-fn clearance_at(slab: u32, is_front: bool, place: vec3f) -> f32 {
+// The point of the triangle of a face that has a place, and its clearance; below 0 where none has it.
+fn on_face(slab: u32, is_front: bool, place: vec3f) -> vec4f {
     let numbers = slabs[slab + 3u].w;
     let n_back = numbers & 0xffffu;
     let first = slabs[slab + 2u].w + select(0u, 3u * n_back, is_front);
@@ -798,10 +803,10 @@ fn clearance_at(slab: u32, is_front: bool, place: vec3f) -> f32 {
         let u = dot(cross(ap, ac), across) * per_area;
         let v = dot(cross(ab, ap), across) * per_area;
         if u >= 0.0 && v >= 0.0 && u + v <= 1.0 {
-            return corner.w;
+            return vec4f(corner.xyz + ab * u + ac * v, corner.w);
         }
     }
-    return -1.0;
+    return vec4f(place, -1.0);
 }
 
 // Where a ray begins that leaves a place of a slab to the side of a normal. [Wachter2019]
@@ -820,11 +825,12 @@ fn refracted(cosine: f32, ior: f32) -> f32 {
     return 1.0 - 0.5 * (parallel * parallel + perpendicular * perpendicular);
 }
 
-// Where a way goes through a face of a slab, the normal there along it, what of the light passes, and how far off the face rays begin;
-// below 0 where the way misses it.
+// Where a way goes through a face of a slab, where that is on the face's triangle, the normal there along it, what of the light
+// passes, and how far off the face rays begin; below 0 where the way misses it.
 struct Crossing {
     place: vec3f,
     clearance: f32,
+    on_face: vec3f,
     normal: vec3f,
     share: vec3f,
 }
@@ -833,7 +839,7 @@ struct Crossing {
 fn crossing(slab: u32, direction: vec3f, at: vec3f, is_inside: bool) -> Crossing {
     let upright = slab_row(slab);
     let along = dot(direction, upright.xyz);
-    var next = Crossing(at, -1.0, upright.xyz * select(1.0, -1.0, along < 0.0), vec3f(1.0));
+    var next = Crossing(at, -1.0, at, upright.xyz * select(1.0, -1.0, along < 0.0), vec3f(1.0));
     if is_inside {
         next.place = through(slab, at, direction);
         let one_face = refracted(abs(along), upright.w);
@@ -844,7 +850,9 @@ fn crossing(slab: u32, direction: vec3f, at: vec3f, is_inside: bool) -> Crossing
         let t = (select(-half, half, along < 0.0) - dot(upright.xyz, from_middle(slab, at))) / along;
         next.place = at + direction * t;
     }
-    next.clearance = clearance_at(slab, (along < 0.0) != is_inside, next.place);
+    let found = on_face(slab, (along < 0.0) != is_inside, next.place);
+    next.on_face = found.xyz;
+    next.clearance = found.w;
     return next;
 }
 
@@ -874,14 +882,14 @@ fn passed(route: ptr<function, Route>, place: vec3f, toward: vec3f) -> Passed {
                 return Passed(vec3f(0.0), BLOCKED);
             }
             share *= next.share;
-            ray = next.place - start;
+            ray = next.on_face - start;
         }
         let way = free(start, ray);
         if way != FREE {
             return Passed(vec3f(0.0), way);
         }
         at = next.place;
-        start = lifted(next.place + next.normal * next.clearance, next.normal);
+        start = lifted(next.on_face + next.normal * next.clearance, next.normal);
     }
     return Passed(share, FREE);
 }

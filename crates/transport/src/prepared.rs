@@ -334,27 +334,6 @@ impl PreparedScene {
         PreparedScene { coats_share: false, ..self }
     }
 
-    /// The point of the first of some triangles in whose plane it lies that has it.
-    pub(crate) fn surface_at(&self, point: Vec3, triangles: &[u32]) -> Option<SurfaceHit> {
-        self.hit_at(point, triangles).map(|hit| self.surface_hit(&hit))
-    }
-
-    /// Whether one of some triangles in whose plane a point lies has it.
-    pub(crate) fn is_in_one(&self, point: Vec3, triangles: &[u32]) -> bool {
-        self.hit_at(point, triangles).is_some()
-    }
-
-    fn hit_at(&self, point: Vec3, triangles: &[u32]) -> Option<Hit> {
-        triangles.iter().find_map(|&triangle| {
-            let [a, b, c] = self.scene.mesh.corners(triangle);
-            let (ab, ac, ap) = (b - a, c - a, point - a);
-            let across = ab.cross(ac);
-            let per_area = 1.0 / across.length_squared();
-            let (u, v) = (ap.cross(ac).dot(across) * per_area, ab.cross(ap).dot(across) * per_area);
-            (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then_some(Hit { triangle, t: 0.0, u, v })
-        })
-    }
-
     /// Material of a triangle.
     pub fn material(&self, triangle: u32) -> &Material {
         &self.scene.materials[self.scene.mesh.triangle_material[triangle as usize] as usize]

@@ -5,6 +5,7 @@
 //! is found by a root of one unknown ([`Slabs::route`]): next-event estimation through a specular chain
 //! \[Hanika2015\], in its simplest case.
 
+mod facet;
 mod find;
 pub(crate) mod hidden;
 mod outline;
@@ -14,9 +15,12 @@ mod words;
 
 use glam::Vec3;
 
+pub(crate) use facet::Facet;
 use outline::Outline;
 pub(crate) use route::Route;
 use tree::Tree;
+
+use crate::bsdf::SurfaceParams;
 
 /// One minus the cosine between normals that count as parallel: single precision knows no better.
 const PARALLEL: f32 = 1e-6;
@@ -51,8 +55,10 @@ struct Slab {
     outline: Outline,
     /// Around it, and how far light may be shifted into it.
     bounds: Bounds,
-    /// Triangles of the back and of the front.
-    triangles: [Vec<u32>; 2],
+    /// Of the back and of the front.
+    facets: [Vec<Facet>; 2],
+    /// What it is made of, where that is the same everywhere.
+    looks: Option<SurfaceParams>,
 }
 
 /// A face of a slab; its index among a slab's pairs.

@@ -3,9 +3,10 @@
 use glam::{Vec2, Vec3};
 
 use super::{Integrator, LightPlan, LightPoint, Walk};
+use crate::bsdf::Bsdf;
 use crate::emitters::Emitter;
 use crate::prepared::{PreparedScene, SurfaceHit};
-use crate::slabs::Route;
+use crate::slabs::{Facet, Route};
 
 impl<P: LightPlan> Integrator<'_, P> {
     /// A point on the light of a column as seen through the slabs on the way, `straight` the same point without them; `None`
@@ -83,17 +84,23 @@ pub(crate) fn passed_along(
 ) -> Vec3 {
     let mut passed = Vec3::ONE;
     for crossing in scene.slabs.crossings(route) {
-        let Some(face) = scene.surface_at(crossing.point, crossing.triangles) else { return Vec3::ZERO };
-        let leg = crossing.point - at;
-        let direction = leg.normalize();
+        let Some((facet, uv)) = Facet::with(crossing.facets, crossing.point) else { return Vec3::ZERO };
+        let place = facet.point(uv);
         // Whether the way is free costs less than what the glass takes.
-        passed *= scene.transmittance(from, face.position);
+        passed *= scene.transmittance(from, place);
         if passed == Vec3::ZERO {
             return passed;
         }
-        passed *= scene.refracted(&face, -direction) * kept(extinction, leg.length());
-        extinction = scene.extinction_behind(face.triangle, direction.dot(face.normal) > 0.0);
-        (at, from) = (crossing.point, face.origin(face.outward(direction)));
+        let leg = crossing.point - at;
+        let length = leg.length();
+        let direction = leg / length;
+        let refracted = match crossing.looks {
+            Some(looks) => Bsdf::refracted(looks, facet.normal, facet.normal, -direction),
+            None => scene.refracted(&scene.point_of(facet.triangle, uv), -direction),
+        };
+        passed *= refracted * kept(extinction, length);
+        extinction = scene.extinction_behind(facet.triangle, direction.dot(facet.normal) > 0.0);
+        (at, from) = (crossing.point, facet.origin(place, direction, scene.extent()));
     }
     passed * scene.transmittance(from, end.unwrap_or(at + route.direction * far))
 }

@@ -1,8 +1,9 @@
 //! Finds the slabs of a scene: closed bodies of smooth glass whose greatest faces are flat and parallel.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3, Vec4};
 
-use super::{Bounds, Face, MOST_ASIDE, NONE, Outline, Slab, Slabs, Tree};
+use super::{Bounds, Face, Facet, MOST_ASIDE, NONE, Outline, Slab, Slabs, Tree};
+use crate::bsdf::{SurfaceParams, surface_params};
 use crate::scene::{AlphaMode, Material, Mesh, Scene};
 
 /// Thickness over the shorter extent of a face up to which a body is a pane and not a block.
@@ -28,8 +29,7 @@ impl Slabs {
         let mut slabs = Slabs::default();
         let own = |t: u32| (mesh.triangle_node[t as usize], mesh.triangle_material[t as usize]);
         for body in mesh.bodies(&glass, own) {
-            let material = &scene.materials[mesh.triangle_material[body[0] as usize] as usize];
-            if let Some(slab) = slab(mesh, &body, material.ior) {
+            if let Some(slab) = slab(scene, &body) {
                 slabs.add(slab, mesh.triangles.len());
             }
         }
@@ -40,9 +40,9 @@ impl Slabs {
 
     fn add(&mut self, slab: Slab, n_triangles: usize) {
         self.faces.resize(n_triangles, (NONE, Face::Back));
-        for (face, triangles) in [Face::Back, Face::Front].into_iter().zip(&slab.triangles) {
-            for &triangle in triangles {
-                self.faces[triangle as usize] = (self.slabs.len() as u32, face);
+        for (face, facets) in [Face::Back, Face::Front].into_iter().zip(&slab.facets) {
+            for facet in facets {
+                self.faces[facet.triangle as usize] = (self.slabs.len() as u32, face);
             }
         }
         self.slabs.push(slab);
@@ -62,7 +62,8 @@ pub(super) fn bends(material: &Material) -> bool {
 }
 
 /// The slab that a body is, if it is one.
-fn slab(mesh: &Mesh, body: &[u32], ior: f32) -> Option<Slab> {
+fn slab(scene: &Scene, body: &[u32]) -> Option<Slab> {
+    let (mesh, ior) = (&scene.mesh, material_of(scene, body).ior);
     let (triangles, normal) = faces(mesh, body)?;
     let bounds = around(mesh, body);
     let (outline, middle) = Outline::new(mesh, normal, &triangles, bounds.lo)?;
@@ -83,7 +84,8 @@ fn slab(mesh: &Mesh, body: &[u32], ior: f32) -> Option<Slab> {
     }
     let center = middle + normal * (0.5 * (mean(front) + mean(back)));
     let bounds = bounds.grown(rounding + MOST_ASIDE * thickness);
-    Some(Slab { normal, center, thickness, ior, outline, bounds, triangles })
+    let facets = triangles.map(|face| face.into_iter().map(|triangle| Facet::new(mesh, triangle)).collect());
+    Some(Slab { normal, center, thickness, ior, outline, bounds, facets, looks: looks(scene, body) })
 }
 
 /// Triangles of the back and the front of a body, and the unit normal of the front; `None` where one of both is not there, or bent
@@ -108,6 +110,21 @@ fn faces(mesh: &Mesh, body: &[u32]) -> Option<([Vec<u32>; 2], Vec3)> {
     }
     let is_whole = triangles.iter().all(|face| !face.is_empty());
     is_whole.then_some((triangles, sum.try_normalize()?))
+}
+
+/// The material of a body, which has one alone.
+fn material_of<'a>(scene: &'a Scene, body: &[u32]) -> &'a Material {
+    &scene.materials[scene.mesh.triangle_material[body[0] as usize] as usize]
+}
+
+/// What a body is made of, where that is the same everywhere.
+fn looks(scene: &Scene, body: &[u32]) -> Option<SurfaceParams> {
+    let (mesh, material) = (&scene.mesh, material_of(scene, body));
+    let textures = [material.base_color_texture, material.metallic_roughness_texture, material.transmission_texture];
+    let mut vertices = body.iter().flat_map(|&triangle| mesh.triangles[triangle as usize]);
+    let is_colored = !mesh.colors.is_empty() && vertices.any(|vertex| mesh.colors[vertex as usize] != Vec4::ONE);
+    let is_even = !is_colored && textures.iter().all(Option::is_none);
+    is_even.then(|| surface_params(material, &scene.textures, [Vec2::ZERO; 2], None))
 }
 
 fn around(mesh: &Mesh, triangles: &[u32]) -> Bounds {

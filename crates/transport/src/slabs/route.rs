@@ -2,8 +2,8 @@
 
 use glam::{Mat2, Vec2, Vec3};
 
-use super::{Bounds, Face, IN_A_ROW, MOST_ASIDE, PARALLEL, Slab, Slabs};
-use crate::prepared::PreparedScene;
+use super::{Bounds, Face, Facet, IN_A_ROW, MOST_ASIDE, PARALLEL, Slab, Slabs};
+use crate::bsdf::SurfaceParams;
 
 /// Steps of Newton's method: quadratic from the near side, so that these reach single precision from any start.
 const STEPS: u32 = 12;
@@ -57,8 +57,10 @@ pub(crate) struct Route {
 pub(crate) struct Crossing<'a> {
     /// Where.
     pub(crate) point: Vec3,
-    /// Triangles of the face.
-    pub(crate) triangles: &'a [u32],
+    /// Those of the face.
+    pub(crate) facets: &'a [Facet],
+    /// What the glass is made of, where that is the same everywhere.
+    pub(crate) looks: Option<&'a SurfaceParams>,
 }
 
 /// What a straight segment tells of the path through slabs between its ends.
@@ -84,6 +86,12 @@ struct Layers {
 }
 
 impl Way {
+    /// The first slab on it.
+    pub(crate) fn first(&self) -> u32 {
+        let [all, straight] = &self.rows;
+        if straight.n > 0 { straight.slabs[0] } else { all.slabs[0] }
+    }
+
     /// Two vectors that the direction of the path lies between: straight on, and as if it got aside outside of the glass alone; `None`
     /// where nothing is known about it.
     pub(crate) fn bounds(&self) -> Option<[Vec3; 2]> {
@@ -126,12 +134,12 @@ impl Slabs {
         (route.row.n > 0).then_some(route)
     }
 
-    /// Whether the straight segment between two points meets the first slab of a route as well: nothing goes straight through its glass.
-    pub(crate) fn is_in_between(&self, scene: &PreparedScene, route: &Route, [from, to]: [Vec3; 2]) -> bool {
-        let slab = &self.slabs[route.slabs()[0] as usize];
+    /// Whether the straight segment between two points meets a slab: nothing goes straight through its glass.
+    pub(crate) fn is_in_between(&self, slab: u32, [from, to]: [Vec3; 2]) -> bool {
+        let slab = &self.slabs[slab as usize];
         let (way, face) = (to - from, slab.first_face(to - from));
         let t = (slab.height(face) - slab.normal.dot(from - slab.center)) / slab.normal.dot(way);
-        t > 0.0 && t < 1.0 && scene.is_in_one(from + way * t, &slab.triangles[face as usize])
+        t > 0.0 && t < 1.0 && Facet::with(&slab.facets[face as usize], from + way * t).is_some()
     }
 
     /// The faces that a route goes through, in order.
@@ -139,7 +147,8 @@ impl Slabs {
         route.slabs().iter().zip(&route.points).flat_map(|(&slab, points)| {
             let slab = &self.slabs[slab as usize];
             let first = slab.first_face(route.direction) as usize;
-            let at = |point, face: usize| Crossing { point, triangles: &slab.triangles[face] };
+            let looks = slab.looks.as_ref();
+            let at = |point, face: usize| Crossing { point, facets: &slab.facets[face], looks };
             [at(points[0], first), at(points[1], 1 - first)]
         })
     }
@@ -260,8 +269,10 @@ impl Slabs {
             }
             (bend, bend.away_over_sin * sin - away, bend.slope * cos * cos)
         };
-        // The sum is concave in the tangent: from below, each step stays below. The straight way is below.
-        let (mut bend, mut excess, mut slope) = at(away / (layers.air + layers.glass));
+        // The sum is concave in the tangent: from below, each step stays below. So is what small angles would be bent to.
+        let shallow = |&slab: &u32| self.slabs[slab as usize].thickness / self.slabs[slab as usize].ior;
+        let shallow: f32 = slabs.iter().map(shallow).sum();
+        let (mut bend, mut excess, mut slope) = at(away / (layers.air + shallow));
         for _ in 0..STEPS {
             let tan = bend.tan - excess / slope;
             if tan <= bend.tan || tan.is_nan() {

@@ -1,10 +1,8 @@
 //! Slabs in plain words for a device.
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::Vec3;
 
-use super::{Face, Slab, Slabs};
-use crate::bsdf::surface_params;
-use crate::clearance::clearance;
+use super::{Slab, Slabs};
 use crate::prepared::PreparedScene;
 
 type Row = [u32; 4];
@@ -32,26 +30,26 @@ impl Slabs {
         let mut first = HEAD + SLAB_ROWS * n_slabs;
         for slab in &self.slabs {
             rows.extend(slab.words(scene, first as u32));
-            first += TRIANGLE_ROWS * slab.triangles.iter().map(Vec::len).sum::<usize>();
+            first += TRIANGLE_ROWS * slab.facets.iter().map(Vec::len).sum::<usize>();
         }
-        let triangles = self.slabs.iter().flat_map(|slab| slab.triangles.iter().flatten());
-        rows.extend(triangles.flat_map(|&triangle| triangle_words(scene, triangle)));
+        let facets = self.slabs.iter().flat_map(|slab| slab.facets.iter().flatten());
+        rows.extend(facets.flat_map(|facet| facet.words().map(|(numbers, word)| row(numbers, word))));
         rows
     }
 }
 
 impl Slab {
     fn words(&self, scene: &PreparedScene, first_triangle: u32) -> [Row; SLAB_ROWS] {
-        let [n_back, n_front] = self.triangles.each_ref().map(Vec::len);
-        let looks = self.looks(scene).filter(|_| n_back.max(n_front) <= MOST_TRIANGLES);
+        let [n_back, n_front] = self.facets.each_ref().map(Vec::len);
+        let known = self.known(scene).filter(|_| n_back.max(n_front) <= MOST_TRIANGLES);
         let ([x, y], half) = (self.outline.axes, self.outline.half);
-        let (passed, extinction) = looks.unwrap_or_default();
+        let (passed, extinction) = known.unwrap_or_default();
         [
             row(self.normal, self.ior.to_bits()),
             row(self.center, self.thickness.to_bits()),
             row(self.bounds.lo, first_triangle),
             row(self.bounds.hi, n_back as u32 | (n_front as u32) << 16),
-            row(passed, u32::from(looks.is_none())),
+            row(passed, u32::from(known.is_none())),
             row(extinction, 0),
             row(x, half.x.to_bits()),
             row(y, half.y.to_bits()),
@@ -60,27 +58,12 @@ impl Slab {
 
     /// What both faces let pass but for what they reflect, and extinction, 1/m; `None` where that is not the same everywhere, and far
     /// from the origin, where rounding has a say.
-    fn looks(&self, scene: &PreparedScene) -> Option<(Vec3, Vec3)> {
-        let (mesh, triangle) = (&scene.scene.mesh, *self.triangles[Face::Front as usize].first()?);
-        let material = scene.material(triangle);
-        let textures =
-            [material.base_color_texture, material.metallic_roughness_texture, material.transmission_texture];
-        let mut vertices = self.triangles.iter().flatten().flat_map(|&triangle| mesh.triangles[triangle as usize]);
-        let is_colored = !mesh.colors.is_empty() && vertices.any(|vertex| mesh.colors[vertex as usize] != Vec4::ONE);
+    fn known(&self, scene: &PreparedScene) -> Option<(Vec3, Vec3)> {
+        let (looks, front) = (self.looks?, self.facets[1].first()?);
         let is_far = self.bounds.lo.abs().max(self.bounds.hi.abs()).max_element() > scene.extent();
-        if textures.iter().any(Option::is_some) || is_colored || is_far {
-            return None;
-        }
-        let params = surface_params(material, &scene.scene.textures, [Vec2::ZERO; 2], None);
-        let of_a_face = params.base_color * ((1.0 - params.metallic) * params.transmission);
-        Some((of_a_face * of_a_face, scene.extinction_behind(triangle, false)))
+        let of_a_face = looks.base_color * ((1.0 - looks.metallic) * looks.transmission);
+        (!is_far).then(|| (of_a_face * of_a_face, scene.extinction_behind(front.triangle, false)))
     }
-}
-
-fn triangle_words(scene: &PreparedScene, triangle: u32) -> [Row; TRIANGLE_ROWS] {
-    let [a, b, c] = scene.scene.mesh.corners(triangle);
-    let (ab, ac) = (b - a, c - a);
-    [row(a, clearance(ab, ac, ab.cross(ac)).to_bits()), row(ab, 0), row(ac, 0)]
 }
 
 fn row(numbers: Vec3, word: u32) -> Row {
