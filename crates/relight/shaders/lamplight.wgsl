@@ -1,7 +1,8 @@
-// Direct light of one lamp at what each pixel sees: for each of its points one point of the lamp, and one ray between them.
+// Direct light of one lamp at what each pixel sees: for each of its points one point of the lamp, and one ray between them;
+// through slabs, solid panes of smooth glass, one more point of the lamp, and the way that the glass bends.
 //
 // A pixel that has something the device does not know (clear panes and alpha in the way, solids, coats of several layers,
-// a body close by) is left to the CPU as a whole, which finds it with the same numbers: w of its light is 1.
+// a flat body close by that is seen from its edge) is left to the CPU as a whole, which finds it with the same numbers: w of its light is 1.
 
 struct Lamp {
     // 0 point, 1 spot, 2 parallel light, 3 rectangle, 4 disk, 5 sphere.
@@ -22,7 +23,8 @@ struct Lamp {
     // Of a spot: one over how much of that its rise takes.
     per_cos: f32,
     half_y: vec3f,
-    // Squared distance from the middle of a flat body within which the CPU decides, m²; of a sphere the squared radius.
+    // Squared distance from the middle of a flat body within which its points are chosen by the angle that it fills, m²; of a
+    // sphere the squared radius.
     near: f32,
     // Candela, lux or nit.
     emission: vec3f,
@@ -45,6 +47,12 @@ struct Lamp {
 // Random offset of the points on the lamp, by tile.
 @group(0) @binding(6) var<storage, read> shifts: array<vec2f>;
 @group(0) @binding(7) var<storage, read_write> lit: array<vec4f>;
+// Two rows for all slabs: the lower corner of their box and their number, the upper corner and the diagonal of the scene. Eight for
+// each: its normal and index of refraction; its middle and thickness; its box, with the row of its first triangle, and with the
+// numbers of those of the back and, from bit 16 on, of the front; what it lets pass but for what it reflects, and 1 where only the
+// CPU knows; its extinction; the axes of the rectangle around it, each with half of its length. Three for each triangle: a corner and
+// the clearance of the plane, and the edges from there.
+@group(0) @binding(8) var<storage, read> slabs: array<vec4u>;
 
 const NONE: u32 = 0xffffffffu;
 const IS_BLOCK: u32 = 0x80000000u;
@@ -68,6 +76,24 @@ const N_COS: u32 = 32u;
 const N_ROUGHNESS: u32 = 24u;
 // A lamp without size has this one next to it, m².
 const POINT_SQUARE: f32 = 1e-4;
+// Least height over a flat lamp close by, per distance, and least angle that it fills, sr: numbers of the device tell no less.
+const LEAST_HEIGHT: f32 = 0.02;
+const LEAST_ANGLE: f32 = 1e-3;
+const SLAB_HEAD: u32 = 2u;
+const SLAB_ROWS: u32 = 8u;
+// Most slabs that a way goes through.
+const IN_A_ROW: u32 = 8u;
+// One minus the cosine between normals that count as parallel.
+const PARALLEL: f32 = 1e-6;
+// Ways that graze the glass more than this are none.
+const LEAST_COS: f32 = 0.01;
+const NEWTON_STEPS: u32 = 12u;
+// How far aside of a straight way light is looked for in a slab, over its thickness.
+const MOST_ASIDE: f32 = 4.0;
+// Overlap of two slabs along a way, over their thickness, from which on only one of both is gone through.
+const OVERLAP: f32 = 0.1;
+// Tries to find the slabs that a way goes through.
+const TRIES: u32 = 4u;
 
 // What a lamp sends to a point: towards it, where it is, and how much.
 struct Sent {
@@ -131,35 +157,43 @@ fn sent_by_sphere(place: vec3f, u: vec2f) -> Sent {
     return Sent(wi, 2.0 * PI * one_minus_cos, wi * (along - depth), 1u);
 }
 
-// One point of the lamp as seen from a place; `own` is the number of a place among those that share `u`.
-fn sent(place: vec3f, u: vec2f, own: u32) -> Sent {
-    let nothing = Sent(vec3f(0.0), 0.0, vec3f(0.0), 0u);
+// A point of the lamp, and its normal where that has a body.
+struct LampPoint {
+    position: vec3f,
+    normal: vec3f,
+}
+
+// One that is chosen evenly.
+fn lamp_point(u: vec2f) -> LampPoint {
+    if lamp.kind < 3u {
+        return LampPoint(lamp.position, lamp.axis);
+    }
+    if lamp.kind == 5u {
+        let z = 1.0 - 2.0 * u.x;
+        let around = vec2f(cos(2.0 * PI * u.y), sin(2.0 * PI * u.y)) * sqrt(max(1.0 - z * z, 0.0));
+        let normal = vec3f(around, z);
+        return LampPoint(lamp.position + normal * sqrt(lamp.near), normal);
+    }
+    var at = 2.0 * u - 1.0;
+    if lamp.kind == 4u {
+        at = concentric(u);
+    }
+    return LampPoint(lamp.position + lamp.half_x * at.x + lamp.half_y * at.y, lamp.axis);
+}
+
+// What it sends to a place.
+fn sent_from(on_lamp: LampPoint, place: vec3f) -> Sent {
     if lamp.kind == 2u {
         return Sent(-lamp.axis, 1.0, -lamp.axis * lamp.far, 1u);
     }
-    if lamp.kind == 5u {
-        return sent_by_sphere(place, fract(u + lattice(1u + own)));
-    }
-    let from_middle = place - lamp.position;
-    var on_lamp = lamp.position;
-    if lamp.kind >= 3u {
-        if dot(from_middle, from_middle) < lamp.near {
-            return Sent(vec3f(0.0), 0.0, vec3f(0.0), UNKNOWN);
-        }
-        var at = 2.0 * u - 1.0;
-        if lamp.kind == 4u {
-            at = concentric(u);
-        }
-        on_lamp = lamp.position + lamp.half_x * at.x + lamp.half_y * at.y;
-    }
-    let toward = on_lamp - place;
+    let toward = on_lamp.position - place;
     let square = dot(toward, toward);
     if !(square > 0.0) {
-        return nothing;
+        return Sent(vec3f(0.0), 0.0, vec3f(0.0), 0u);
     }
     let wi = toward / sqrt(square);
     if lamp.kind >= 3u {
-        let factor = -dot(wi, lamp.axis) * lamp.area / square;
+        let factor = -dot(wi, on_lamp.normal) * lamp.area / square;
         return Sent(wi, factor, toward, select(0u, 1u, factor > 0.0));
     }
     var falloff = 1.0;
@@ -169,6 +203,71 @@ fn sent(place: vec3f, u: vec2f, own: u32) -> Sent {
         falloff = t * t;
     }
     return Sent(wi, falloff / max(square, POINT_SQUARE), toward, select(0u, 1u, falloff > 0.0));
+}
+
+// Angles of cosines, to the last bits: devices' own may be off by thousands of them. [Abramowitz1964, 4.4.46]
+fn angles(cosines: vec4f) -> vec4f {
+    let x = abs(cosines);
+    var sum = vec4f(-0.0012624911);
+    sum = sum * x + 0.0066700901;
+    sum = sum * x - 0.0170881256;
+    sum = sum * x + 0.0308918810;
+    sum = sum * x - 0.0501743046;
+    sum = sum * x + 0.0889789874;
+    sum = sum * x - 0.2145988016;
+    sum = sum * x + 1.5707963050;
+    sum *= sqrt(max(1.0 - x, vec4f(0.0)));
+    return select(sum, PI - sum, cosines < vec4f(0.0));
+}
+
+// What a flat lamp close by sends to a place, by the angle that its rectangle fills: a disk lets what is beside it go dark. [Urena2013]
+fn sent_by_plate(place: vec3f, u: vec2f) -> Sent {
+    let nothing = Sent(vec3f(0.0), 0.0, vec3f(0.0), 0u);
+    let to_middle = lamp.position - place;
+    let z = dot(to_middle, lamp.axis);
+    if z >= 0.0 {
+        return nothing;
+    }
+    let size = vec2f(length(lamp.half_x), length(lamp.half_y));
+    let x_axis = lamp.half_x / size.x;
+    let y_axis = lamp.half_y / size.y;
+    let middle = vec2f(dot(to_middle, x_axis), dot(to_middle, y_axis));
+    let low = middle - size;
+    let high = middle + size;
+    // Across the lamp's plane: the normals of the planes through the place and each side.
+    let sides = vec4f(-low.y, high.x, high.y, -low.x);
+    let across = sides / sqrt(z * z + sides * sides);
+    let corners = angles(-across * across.yzwx);
+    let angle = dot(corners, vec4f(1.0)) - 2.0 * PI;
+    if -z < LEAST_HEIGHT * length(to_middle) || angle < LEAST_ANGLE {
+        return Sent(vec3f(0.0), 0.0, vec3f(0.0), UNKNOWN);
+    }
+    let around = u.x * angle + 2.0 * PI - corners.z - corners.w;
+    let slope = (cos(around) * across.x - across.z) / sin(around);
+    let cosine = min(1.0 / sqrt(slope * slope + across.x * across.x), 1.0) * select(1.0, -1.0, slope < 0.0);
+    let x = clamp(-cosine * z / sqrt(max(1.0 - cosine * cosine, 1e-30)), low.x, high.x);
+    let square = x * x + z * z;
+    let ends = vec2f(low.y, high.y) / sqrt(square + vec2f(low.y * low.y, high.y * high.y));
+    let h = mix(ends.x, ends.y, u.y);
+    let y = clamp(h * sqrt(square / max(1.0 - h * h, 1e-30)), low.y, high.y);
+    let aside = vec2f(x, y) - middle;
+    if lamp.kind == 4u && dot(aside, aside) > size.x * size.x {
+        return nothing;
+    }
+    let toward = x_axis * x + y_axis * y + lamp.axis * z;
+    return Sent(normalize(toward), angle, toward, 1u);
+}
+
+// What the lamp sends straight to a place: neighbors share `u`, and `own` is the place's alone.
+fn sent(place: vec3f, u: vec2f, own: vec2f) -> Sent {
+    if lamp.kind == 5u {
+        return sent_by_sphere(place, own);
+    }
+    let from_middle = place - lamp.position;
+    if lamp.kind >= 3u && dot(from_middle, from_middle) < lamp.near {
+        return sent_by_plate(place, own);
+    }
+    return sent_from(lamp_point(u), place);
 }
 
 fn fifth(cosine: f32) -> f32 {
@@ -299,6 +398,13 @@ fn meets(block: u32, origin: vec3f, shear: Shear) -> bool {
     return any(inside & has_area & is_there & (t > zero) & (t < vec4f(END)));
 }
 
+// One over a direction, whose components hardly vanish.
+fn per_axis(direction: vec3f) -> vec3f {
+    let size = abs(direction);
+    let least = vec3f(1e-12 * max(size.x, max(size.y, size.z)));
+    return 1.0 / select(direction, least, size < least);
+}
+
 // Whether anything is in the way from a place along a direction, of the length of it.
 fn trace(root: u32, origin: vec3f, direction: vec3f) -> u32 {
     let size = abs(direction);
@@ -306,8 +412,7 @@ fn trace(root: u32, origin: vec3f, direction: vec3f) -> u32 {
     if !(longest > 0.0) {
         return FREE;
     }
-    let least = vec3f(1e-12 * longest);
-    let reciprocal = 1.0 / select(direction, least, size < least);
+    let reciprocal = per_axis(direction);
     let is_backward = reciprocal < vec3f(0.0);
     // Rows of the plane that is met first, by axis.
     let near_rows = 2u * select(vec3u(0u, 1u, 2u), vec3u(3u, 4u, 5u), is_backward);
@@ -358,6 +463,438 @@ fn trace(root: u32, origin: vec3f, direction: vec3f) -> u32 {
     return FREE;
 }
 
+// The same, and what lets some light pass.
+fn free(origin: vec3f, direction: vec3f) -> u32 {
+    let way = trace(0u, origin, direction);
+    if way == FREE && lamp.sheer != NONE {
+        return select(FREE, UNKNOWN, trace(lamp.sheer, origin, direction) != FREE);
+    }
+    return way;
+}
+
+// A way through slabs: their rows, in its order.
+struct Route {
+    slabs: array<u32, IN_A_ROW>,
+    // NONE where only the CPU knows.
+    n: u32,
+    // Outside of the glass.
+    direction: vec3f,
+    // What stands for one over the squared distance of the ends.
+    closeness: f32,
+}
+
+// Slabs that a straight way goes through, or by, in its order.
+struct Met {
+    slabs: array<u32, IN_A_ROW>,
+    // Where it comes to the middle of the glass, half of what it is in there, and how far off it is, below 0 where it goes through.
+    meetings: array<vec3f, IN_A_ROW>,
+    n: u32,
+}
+
+fn slab_row(row: u32) -> vec4f {
+    return bitcast<vec4f>(slabs[row]);
+}
+
+fn thickness(slab: u32) -> f32 {
+    return slab_row(slab + 1u).w;
+}
+
+// From the middle of a slab.
+fn from_middle(slab: u32, place: vec3f) -> vec3f {
+    return place - slab_row(slab + 1u).xyz;
+}
+
+// Whether a box of two rows shares a point with another one.
+fn overlaps(row: u32, low: vec3f, high: vec3f) -> bool {
+    return all(slab_row(row).xyz <= high) && all(low <= slab_row(row + 1u).xyz);
+}
+
+// Whether two places are outside of the glass of a slab on either side.
+fn parts(slab: u32, start: vec3f, goal: vec3f) -> bool {
+    let normal = slab_row(slab).xyz;
+    let half = 0.5 * thickness(slab);
+    let sides = vec2f(dot(normal, from_middle(slab, start)), dot(normal, from_middle(slab, goal)));
+    return min(sides.x, sides.y) < -half && max(sides.x, sides.y) > half;
+}
+
+// How far a place in the plane of a face is beside the rectangle around it.
+fn excess(slab: u32, place: vec3f) -> f32 {
+    let x = slab_row(slab + 6u);
+    let y = slab_row(slab + 7u);
+    let aside = from_middle(slab, place);
+    return max(abs(dot(x.xyz, aside)) - x.w, abs(dot(y.xyz, aside)) - y.w);
+}
+
+// Whether a face has a place in its plane; of a slab that only the CPU knows its whole rectangle does.
+fn has(slab: u32, is_front: bool, place: vec3f) -> bool {
+    return excess(slab, place) <= 0.0 && (slabs[slab + 4u].w != 0u || on_face(slab, is_front, place).w >= 0.0);
+}
+
+// How a straight way meets a slab that its ends are on either side of; y is below 0 where it is too far off.
+fn meeting(slab: u32, start: vec3f, goal: vec3f) -> vec3f {
+    let normal = slab_row(slab).xyz;
+    let toward = goal - start;
+    let depth = dot(normal, toward);
+    let t = -dot(normal, from_middle(slab, start)) / depth;
+    let place = start + toward * t;
+    let beside = excess(slab, place);
+    if beside > 0.0 {
+        let tangent = sqrt(max(dot(toward, toward) / (depth * depth) - 1.0, 0.0));
+        if beside > thickness(slab) * min(2.0 * tangent, MOST_ASIDE) {
+            return vec3f(0.0, -1.0, 0.0);
+        }
+    }
+    return vec3f(t, 0.5 * thickness(slab) / abs(depth), select(max(beside, 0.0), -1.0, has(slab, true, place)));
+}
+
+// Whether a way goes through one of two slabs alone, as they lie side by side.
+fn are_rivals(a: vec3f, b: vec3f) -> bool {
+    return abs(a.x - b.x) < (1.0 - OVERLAP) * (a.y + b.y);
+}
+
+// The slabs that the way between two places may go through; none where there are too many.
+fn met(start: vec3f, goal: vec3f) -> Met {
+    var found = Met();
+    let low = min(start, goal);
+    let high = max(start, goal);
+    if !overlaps(0u, low, high) {
+        return found;
+    }
+    for (var nth = 0u; nth < slabs[0].w; nth++) {
+        let slab = SLAB_HEAD + nth * SLAB_ROWS;
+        if !overlaps(slab + 2u, low, high) || !parts(slab, start, goal) {
+            continue;
+        }
+        let one = meeting(slab, start, goal);
+        if one.y < 0.0 {
+            continue;
+        }
+        var is_nearest = true;
+        var kept = 0u;
+        for (var i = 0u; i < found.n; i++) {
+            is_nearest = is_nearest && !(are_rivals(found.meetings[i], one) && found.meetings[i].z <= one.z);
+        }
+        if !is_nearest {
+            continue;
+        }
+        for (var i = 0u; i < found.n; i++) {
+            if !are_rivals(found.meetings[i], one) {
+                found.meetings[kept] = found.meetings[i];
+                found.slabs[kept] = found.slabs[i];
+                kept++;
+            }
+        }
+        if kept == IN_A_ROW {
+            return Met();
+        }
+        var at = kept;
+        for (; at > 0u; at--) {
+            if found.meetings[at - 1u].x <= one.x {
+                break;
+            }
+            found.meetings[at] = found.meetings[at - 1u];
+            found.slabs[at] = found.slabs[at - 1u];
+        }
+        found.meetings[at] = one;
+        found.slabs[at] = slab;
+        found.n = kept + 1u;
+    }
+    return found;
+}
+
+// Distance at which a ray enters a slab between two places; not above 0 where it does not.
+fn entered(slab: u32, start: vec3f, direction: vec3f) -> f32 {
+    let normal = slab_row(slab).xyz;
+    let along = dot(normal, direction);
+    let half = 0.5 * thickness(slab);
+    let t = (select(-half, half, along < 0.0) - dot(normal, from_middle(slab, start))) / along;
+    if abs(along) < LEAST_COS || !(t > 0.0) || !has(slab, along < 0.0, start + direction * t) {
+        return 0.0;
+    }
+    return t;
+}
+
+// Where light leaves a slab that comes into it at a place.
+fn through(slab: u32, into: vec3f, direction: vec3f) -> vec3f {
+    let upright = slab_row(slab);
+    let along = dot(direction, upright.xyz);
+    let normal = upright.xyz * select(1.0, -1.0, along < 0.0);
+    let sideways = (direction - normal * abs(along)) / upright.w;
+    let depth = sqrt(1.0 - dot(sideways, sideways));
+    return into + (sideways + normal * depth) * (thickness(slab) / depth);
+}
+
+// The way from a place in a direction through the slabs on it before another one; none where there are too many.
+fn followed(start: vec3f, goal: vec3f, direction: vec3f) -> Route {
+    var route = Route();
+    route.direction = direction;
+    route.closeness = 1.0;
+    var at = start;
+    let reach = direction * distance(start, goal);
+    loop {
+        var nearest = 0.0;
+        var next = NONE;
+        var into = at;
+        for (var nth = 0u; nth < slabs[0].w; nth++) {
+            let slab = SLAB_HEAD + nth * SLAB_ROWS;
+            if !overlaps(slab + 2u, min(at, at + reach), max(at, at + reach)) || !parts(slab, start, goal) {
+                continue;
+            }
+            let t = entered(slab, at, direction);
+            if t > 0.0 && (next == NONE || t < nearest) {
+                nearest = t;
+                next = slab;
+                into = at + direction * t;
+            }
+        }
+        if next == NONE {
+            break;
+        }
+        if route.n == IN_A_ROW {
+            return Route();
+        }
+        at = through(next, into, direction);
+        route.slabs[route.n] = next;
+        route.n++;
+    }
+    return route;
+}
+
+// How far a way gets aside whose angle outside has this tangent, over the sine of that, and per radian.
+fn bend(route: ptr<function, Route>, air: f32, tangent: f32) -> vec2f {
+    let cosine = 1.0 / sqrt(1.0 + tangent * tangent);
+    let sine = tangent * cosine;
+    var aside = vec2f(air / cosine, air / (cosine * cosine));
+    for (var i = 0u; i < (*route).n; i++) {
+        let slab = (*route).slabs[i];
+        let ior = slab_row(slab).w;
+        let squared = ior * ior - sine * sine;
+        let per_root = thickness(slab) / sqrt(squared);
+        aside += per_root * vec2f(1.0, ior * ior * cosine / squared);
+    }
+    return aside;
+}
+
+// Turns a route to the direction that it has between two places if its slabs were endless; none where that grazes them, and only the
+// CPU knows where they are not parallel.
+fn turn(route: ptr<function, Route>, start: vec3f, goal: vec3f) {
+    let toward = goal - start;
+    var normal = slab_row((*route).slabs[0]).xyz;
+    normal *= select(1.0, -1.0, dot(normal, toward) < 0.0);
+    let depth = dot(normal, toward);
+    var air = depth;
+    // As small angles would be bent.
+    var shallow = depth;
+    for (var i = 0u; i < (*route).n; i++) {
+        let slab = (*route).slabs[i];
+        if abs(dot(slab_row(slab).xyz, normal)) <= 1.0 - PARALLEL {
+            (*route).n = NONE;
+            return;
+        }
+        let glass = thickness(slab);
+        air -= glass;
+        shallow -= glass - glass / slab_row(slab).w;
+    }
+    if !(air > 0.0) {
+        (*route).n = 0u;
+        return;
+    }
+    let aside = toward - normal * depth;
+    let away = length(aside);
+    // From below: each step of Newton's stays there.
+    var tangent = away / shallow;
+    var reach = bend(route, air, tangent);
+    for (var nth = 0u; nth < NEWTON_STEPS; nth++) {
+        let square_cosine = 1.0 / (1.0 + tangent * tangent);
+        let excess = reach.x * tangent * sqrt(square_cosine) - away;
+        let next = tangent - excess / (reach.y * square_cosine);
+        if !(next > tangent) {
+            break;
+        }
+        tangent = next;
+        reach = bend(route, air, tangent);
+    }
+    let cosine = 1.0 / sqrt(1.0 + tangent * tangent);
+    (*route).direction = (normal + aside / max(away, 1e-30) * tangent) * cosine;
+    (*route).closeness = 1.0 / (reach.x * reach.y * cosine);
+    if cosine < LEAST_COS {
+        (*route).n = 0u;
+    }
+}
+
+// The way between two places through just the slabs that it meets, sought from some that it may meet.
+fn settled(row: Route, start: vec3f, goal: vec3f) -> Route {
+    var route = row;
+    for (var nth = 0u; nth < TRIES && route.n > 0u; nth++) {
+        turn(&route, start, goal);
+        if route.n == 0u || route.n == NONE {
+            return route;
+        }
+        var way = followed(start, goal, route.direction);
+        var is_same = way.n == route.n;
+        for (var i = 0u; i < route.n; i++) {
+            is_same = is_same && way.slabs[i] == route.slabs[i];
+        }
+        if is_same {
+            return route;
+        }
+        route = way;
+    }
+    return Route();
+}
+
+// The one way between two places through the slabs between them; through none where there is none.
+fn bent(start: vec3f, goal: vec3f) -> Route {
+    var found = met(start, goal);
+    if found.n == 0u {
+        return Route();
+    }
+    var row = Route();
+    row.slabs = found.slabs;
+    row.n = found.n;
+    let route = settled(row, start, goal);
+    if route.n > 0u {
+        return route;
+    }
+    // Those alone that the straight way goes through.
+    var straight = Route();
+    for (var i = 0u; i < found.n; i++) {
+        if found.meetings[i].z < 0.0 {
+            straight.slabs[straight.n] = found.slabs[i];
+            straight.n++;
+        }
+    }
+    if straight.n == found.n {
+        return route;
+    }
+    return settled(straight, start, goal);
+}
+
+// What a point of the lamp sends to a place through slabs, and the way of that; nothing where there are none.
+fn sent_through(place: vec3f, u: vec2f, route: ptr<function, Route>) -> Sent {
+    let on_lamp = lamp_point(u);
+    if lamp.kind == 2u {
+        *route = followed(place, place - lamp.axis * lamp.far, -lamp.axis);
+    } else {
+        *route = bent(place, on_lamp.position);
+    }
+    if (*route).n == 0u || (*route).n == NONE {
+        return Sent(vec3f(0.0), 0.0, vec3f(0.0), select(0u, UNKNOWN, (*route).n == NONE));
+    }
+    // From there the lamp looks, without slabs, as it does from here through them.
+    let eye = on_lamp.position - (*route).direction / sqrt((*route).closeness);
+    var light = sent_from(on_lamp, eye);
+    light.toward = select(on_lamp.position - place, light.toward, lamp.kind == 2u);
+    return light;
+}
+
+// The point of the triangle of a face that has a place, and its clearance; below 0 where none has it.
+fn on_face(slab: u32, is_front: bool, place: vec3f) -> vec4f {
+    let numbers = slabs[slab + 3u].w;
+    let n_back = numbers & 0xffffu;
+    let first = slabs[slab + 2u].w + select(0u, 3u * n_back, is_front);
+    let end = first + 3u * select(n_back, numbers >> 16u, is_front);
+    for (var row = first; row < end; row += 3u) {
+        let corner = slab_row(row);
+        let ab = slab_row(row + 1u).xyz;
+        let ac = slab_row(row + 2u).xyz;
+        let ap = place - corner.xyz;
+        let across = cross(ab, ac);
+        let per_area = 1.0 / dot(across, across);
+        let u = dot(cross(ap, ac), across) * per_area;
+        let v = dot(cross(ab, ap), across) * per_area;
+        if u >= 0.0 && v >= 0.0 && u + v <= 1.0 {
+            return vec4f(corner.xyz + ab * u + ac * v, corner.w);
+        }
+    }
+    return vec4f(place, -1.0);
+}
+
+// Where a ray begins that leaves a place of a slab to the side of a normal. [Wachter2019]
+fn lifted(place: vec3f, normal: vec3f) -> vec3f {
+    let steps = vec3i(256.0 * normal);
+    let moved = bitcast<vec3f>(bitcast<vec3i>(place) + select(steps, -steps, place < vec3f(0.0)));
+    let near_zero = min(1.0 / 65536.0, 256.0 * 1.1920929e-7 * slab_row(1u).w);
+    return select(moved, place + near_zero * normal, abs(place) < vec3f(1.0 / 32.0));
+}
+
+// Share of light that goes through an interface into what is denser.
+fn refracted(cosine: f32, ior: f32) -> f32 {
+    let behind = sqrt(1.0 - (1.0 - cosine * cosine) / (ior * ior));
+    let parallel = (ior * cosine - behind) / (ior * cosine + behind);
+    let perpendicular = (cosine - ior * behind) / (cosine + ior * behind);
+    return 1.0 - 0.5 * (parallel * parallel + perpendicular * perpendicular);
+}
+
+// Where a way goes through a face of a slab, where that is on the face's triangle, the normal there along it, what of the light
+// passes, and how far off the face rays begin; below 0 where the way misses it.
+struct Crossing {
+    place: vec3f,
+    clearance: f32,
+    on_face: vec3f,
+    normal: vec3f,
+    share: vec3f,
+}
+
+// The next face of a slab on a way that has come to a place, before the glass or in it.
+fn crossing(slab: u32, direction: vec3f, at: vec3f, is_inside: bool) -> Crossing {
+    let upright = slab_row(slab);
+    let along = dot(direction, upright.xyz);
+    var next = Crossing(at, -1.0, at, upright.xyz * select(1.0, -1.0, along < 0.0), vec3f(1.0));
+    if is_inside {
+        next.place = through(slab, at, direction);
+        let one_face = refracted(abs(along), upright.w);
+        let absorbed = slab_row(slab + 5u).xyz * distance(at, next.place);
+        next.share = slab_row(slab + 4u).xyz * exp(-absorbed) * one_face * one_face;
+    } else {
+        let half = 0.5 * thickness(slab);
+        let t = (select(-half, half, along < 0.0) - dot(upright.xyz, from_middle(slab, at))) / along;
+        next.place = at + direction * t;
+    }
+    let found = on_face(slab, (along < 0.0) != is_inside, next.place);
+    next.on_face = found.xyz;
+    next.clearance = found.w;
+    return next;
+}
+
+// Share of light that comes along a way; nothing where something is in it.
+struct Passed {
+    share: vec3f,
+    way: u32,
+}
+
+// Along a route from a place to what lies straight toward there; straight on where the route has no slabs.
+fn passed(route: ptr<function, Route>, place: vec3f, toward: vec3f) -> Passed {
+    var share = vec3f(1.0);
+    // Where the route is, and where the next ray begins.
+    var at = place;
+    var start = place;
+    let n_faces = 2u * (*route).n;
+    for (var leg = 0u; leg <= n_faces; leg++) {
+        var next = Crossing();
+        var ray = select(place, at, lamp.kind == 2u) - start + toward;
+        if leg < n_faces {
+            let slab = (*route).slabs[leg / 2u];
+            if slabs[slab + 4u].w != 0u {
+                return Passed(vec3f(0.0), UNKNOWN);
+            }
+            next = crossing(slab, (*route).direction, at, leg % 2u == 1u);
+            if next.clearance < 0.0 {
+                return Passed(vec3f(0.0), BLOCKED);
+            }
+            share *= next.share;
+            ray = next.on_face - start;
+        }
+        let way = free(start, ray);
+        if way != FREE {
+            return Passed(vec3f(0.0), way);
+        }
+        at = next.place;
+        start = lifted(next.on_face + next.normal * next.clearance, next.normal);
+    }
+    return Passed(share, FREE);
+}
+
 // Light of a point's surface towards the viewer; w is 1 where the CPU has to find it.
 fn shaded(point: u32, tile: u32) -> vec4f {
     let first = point * POINT_ROWS;
@@ -369,25 +906,34 @@ fn shaded(point: u32, tile: u32) -> vec4f {
     }
     let ng = unit(points[first + 1u].w);
     let u = fract(shifts[tile] + hammersley(number >> 8u & 15u));
-    let light = sent(place, u, number >> 4u & 15u);
-    if light.state == UNKNOWN {
-        return vec4f(0.0, 0.0, 0.0, 1.0);
+    let own = fract(u + lattice(1u + (number >> 4u & 15u)));
+    var sum = vec3f(0.0);
+    // Straight on, and through slabs where there are any.
+    for (var nth = 0u; nth < select(1u, 2u, slabs[0].w > 0u); nth++) {
+        var route = Route();
+        var light: Sent;
+        if nth == 0u {
+            light = sent(place, u, own);
+        } else {
+            light = sent_through(place, own, &route);
+        }
+        if light.state == UNKNOWN {
+            return vec4f(0.0, 0.0, 0.0, 1.0);
+        }
+        if light.state == 0u || dot(light.wi, ng) <= 0.0 {
+            continue;
+        }
+        let value = throughput * scattered(first, ng, light.wi) * lamp.emission * light.factor;
+        if value.x + value.y + value.z <= 0.0 {
+            continue;
+        }
+        let found = passed(&route, place, light.toward);
+        if found.way == UNKNOWN {
+            return vec4f(0.0, 0.0, 0.0, 1.0);
+        }
+        sum += value * found.share;
     }
-    if light.state == 0u || dot(light.wi, ng) <= 0.0 {
-        return vec4f(0.0);
-    }
-    let value = throughput * scattered(first, ng, light.wi) * lamp.emission * light.factor;
-    if value.x + value.y + value.z <= 0.0 {
-        return vec4f(0.0);
-    }
-    var way = trace(0u, place, light.toward);
-    if way == FREE && lamp.sheer != NONE {
-        way = select(FREE, UNKNOWN, trace(lamp.sheer, place, light.toward) != FREE);
-    }
-    if way == UNKNOWN {
-        return vec4f(0.0, 0.0, 0.0, 1.0);
-    }
-    return vec4f(select(value, vec3f(0.0), way == BLOCKED), 0.0);
+    return vec4f(sum, 0.0);
 }
 
 @compute @workgroup_size(8, 8)

@@ -189,7 +189,7 @@ mod tests {
     }
 
     /// What shaders hand from one of their functions to the other.
-    const OF_SHADERS: [&str; 2] = ["Sent", "Shear"];
+    const OF_SHADERS: [&str; 7] = ["Sent", "Shear", "LampPoint", "Route", "Met", "Crossing", "Passed"];
 
     fn shapes() -> Vec<Shape> {
         vec![

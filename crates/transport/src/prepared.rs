@@ -184,9 +184,9 @@ impl PreparedScene {
         self.scene.materials.iter().any(Material::casts_caustics)
     }
 
-    /// What rays of a device meet, in plain words; `None` where light also comes through solid panes, which only the CPU follows.
-    pub fn tree_words(&self) -> Option<TreeWords> {
-        self.slabs.is_empty().then(|| TreeWords::new(&self.solid, self.sheer.as_deref()))
+    /// What rays of a device meet, in plain words.
+    pub fn tree_words(&self) -> TreeWords {
+        TreeWords { slabs: self.slabs.words(self), ..TreeWords::new(&self.solid, self.sheer.as_deref()) }
     }
 
     /// What coats leave to what is below them, and what rough metal gets of light scattered repeatedly, as a table for a device.
@@ -346,27 +346,6 @@ impl PreparedScene {
     /// The same scene where only surfaces without a coat share walks: noisier indirect light, and the same mean.
     pub fn with_lone_coats(self) -> PreparedScene {
         PreparedScene { coats_share: false, ..self }
-    }
-
-    /// The point of the first of some triangles in whose plane it lies that has it.
-    pub(crate) fn surface_at(&self, point: Vec3, triangles: &[u32]) -> Option<SurfaceHit> {
-        self.hit_at(point, triangles).map(|hit| self.surface_hit(&hit))
-    }
-
-    /// Whether one of some triangles in whose plane a point lies has it.
-    pub(crate) fn is_in_one(&self, point: Vec3, triangles: &[u32]) -> bool {
-        self.hit_at(point, triangles).is_some()
-    }
-
-    fn hit_at(&self, point: Vec3, triangles: &[u32]) -> Option<Hit> {
-        triangles.iter().find_map(|&triangle| {
-            let [a, b, c] = self.scene.mesh.corners(triangle);
-            let (ab, ac, ap) = (b - a, c - a, point - a);
-            let across = ab.cross(ac);
-            let per_area = 1.0 / across.length_squared();
-            let (u, v) = (ap.cross(ac).dot(across) * per_area, ab.cross(ap).dot(across) * per_area);
-            (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then_some(Hit { triangle, t: 0.0, u, v })
-        })
     }
 
     /// Material of a triangle.

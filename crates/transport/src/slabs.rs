@@ -5,19 +5,32 @@
 //! is found by a root of one unknown ([`Slabs::route`]): next-event estimation through a specular chain
 //! \[Hanika2015\], in its simplest case.
 
+mod facet;
 mod find;
 pub(crate) mod hidden;
+mod outline;
 mod route;
+mod tree;
+mod words;
 
 use glam::Vec3;
 
+pub(crate) use facet::Facet;
+use outline::Outline;
 pub(crate) use route::Route;
+use tree::Tree;
+
+use crate::bsdf::SurfaceParams;
 
 /// One minus the cosine between normals that count as parallel: single precision knows no better.
 const PARALLEL: f32 = 1e-6;
 
+/// How far aside of a straight way light is looked for in a slab, over its thickness: refraction brings it there at up to 75°, and
+/// over that a face reflects most of it.
+const MOST_ASIDE: f32 = 4.0;
+
 /// Most slabs in a row that a connection passes.
-pub(crate) const IN_A_ROW: usize = 6;
+pub(crate) const IN_A_ROW: usize = 8;
 
 /// All slabs of a scene.
 #[derive(Debug, Default)]
@@ -25,7 +38,7 @@ pub(crate) struct Slabs {
     slabs: Vec<Slab>,
     /// Slab and face of each triangle of one, by triangle.
     faces: Vec<(u32, Face)>,
-    bounds: Bounds,
+    tree: Tree,
 }
 
 /// A solid pane.
@@ -33,13 +46,19 @@ pub(crate) struct Slabs {
 struct Slab {
     /// Unit normal of the front, out of the glass.
     normal: Vec3,
-    /// `normal · p` of the back's and the front's points.
-    offsets: [f32; 2],
+    /// In the middle of the glass and of its outline.
+    center: Vec3,
+    /// In m.
+    thickness: f32,
     /// Index of refraction.
     ior: f32,
+    outline: Outline,
+    /// Around it, and how far light may be shifted into it.
     bounds: Bounds,
-    /// Triangles of the back and of the front.
-    triangles: [Vec<u32>; 2],
+    /// Of the back and of the front.
+    facets: [Vec<Facet>; 2],
+    /// What it is made of, where that is the same everywhere.
+    looks: Option<SurfaceParams>,
 }
 
 /// A face of a slab; its index among a slab's pairs.
@@ -47,6 +66,15 @@ struct Slab {
 pub(crate) enum Face {
     Back = 0,
     Front = 1,
+}
+
+impl Face {
+    fn other(self) -> Face {
+        match self {
+            Face::Back => Face::Front,
+            Face::Front => Face::Back,
+        }
+    }
 }
 
 /// An axis-aligned box.
@@ -71,13 +99,17 @@ impl Bounds {
         Bounds { lo: self.lo - by, hi: self.hi + by }
     }
 
-    /// Where a segment enters, 0…1; `None` if it passes by.
-    fn entry(&self, from: Vec3, to: Vec3) -> Option<f32> {
-        let inverse = 1.0 / (to - from);
+    /// Whether it shares a point with another box.
+    fn overlaps(&self, other: &Bounds) -> bool {
+        self.lo.cmple(other.hi).all() && other.lo.cmple(self.hi).all()
+    }
+
+    /// Whether a segment meets it, given one over each component of that.
+    fn is_met(&self, from: Vec3, inverse: Vec3) -> bool {
         let (a, b) = ((self.lo - from) * inverse, (self.hi - from) * inverse);
         // A segment along a face's plane has no number there: `min` and `max` leave the other one.
         let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element().min(1.0));
-        (near <= far).then_some(near)
+        near <= far
     }
 }
 

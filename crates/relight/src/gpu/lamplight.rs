@@ -18,6 +18,8 @@ pub struct TreeWords<'a> {
     pub blocks: &'a [[u32; 4]],
     /// First node of what lets some light pass, if there is any.
     pub sheer: Option<u32>,
+    /// Solid panes that bend light.
+    pub slabs: &'a [[u32; 4]],
     /// Table of what coats leave to what is below them.
     pub coats: &'a [f32],
 }
@@ -33,6 +35,7 @@ pub struct Lamplight {
     nodes: wgpu::Buffer,
     blocks: wgpu::Buffer,
     coats: wgpu::Buffer,
+    slabs: wgpu::Buffer,
     sheer: Option<u32>,
     /// Of the last pass, where the device takes time.
     stamps: Option<Stamps>,
@@ -66,9 +69,10 @@ impl Lamplight {
             let nodes = filled(gpu, "the tree of the scene", tree.nodes)?;
             let blocks = filled(gpu, "the triangles of the scene", tree.blocks)?;
             let coats = filled(gpu, "the table of coats", tree.coats)?;
+            let slabs = filled(gpu, "the panes of the scene", tree.slabs)?;
             let (name, source) = LAMPLIGHT;
             let (stage, stamps) = (pipeline(gpu, name, source), Stamps::new(gpu, 1));
-            Ok(Self { gpu: gpu.clone(), stage, nodes, blocks, coats, sheer: tree.sheer, stamps })
+            Ok(Self { gpu: gpu.clone(), stage, nodes, blocks, coats, slabs, sheer: tree.sheer, stamps })
         })
     }
 
@@ -93,7 +97,8 @@ impl Lamplight {
             let shifts = storage(gpu, "shifts", 8 * n_tiles, wgpu::BufferUsages::COPY_DST);
             let lit = working(gpu, "lit", 16 * n_pixels, wgpu::BufferUsages::COPY_SRC);
             let lamp = uniform(gpu, "lamp", size_of::<LampRecord>());
-            let buffers = [&lamp, &self.nodes, &self.blocks, &points, &starts, &self.coats, &shifts, &lit];
+            let Self { nodes, blocks, coats, slabs, .. } = self;
+            let buffers = [&lamp, nodes, blocks, &points, &starts, coats, &shifts, &lit, slabs];
             let bindings = bind(gpu, &self.stage, 0, &buffers.map(|buffer| buffer.as_entire_binding()));
             Ok(LitSample { width, height, lamp, shifts, lit, seen: gpu.readable(16 * n_pixels), bindings })
         })

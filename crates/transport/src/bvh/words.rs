@@ -13,6 +13,8 @@ pub struct TreeWords {
     pub blocks: Vec<[u32; 4]>,
     /// Where the root of a second tree is.
     pub second: Option<u32>,
+    /// Solid panes that bend light: two rows for all of them, eight for each, three for each triangle of their faces.
+    pub slabs: Vec<[u32; 4]>,
 }
 
 /// Rows of a node and of a block.

@@ -11,8 +11,8 @@ use crate::scene::PunctualKind;
 
 /// As a device takes it: kind (0 point, 1 spot, 2 parallel light, 3 rectangle, 4 disk, 5 sphere) and three words that are its own; then
 /// bits of f32: place and area; axis or normal, and one minus the cosine of a spot's outer angle; half of each side of a flat body, beside them one
-/// over how much of that its rise to the full intensity takes and the squared distance within which the CPU decides (of a sphere its squared
-/// radius); emission, and a distance beyond everything.
+/// over how much of that its rise to the full intensity takes and the squared distance within which its points are chosen by the angle that it fills
+/// (of a sphere its squared radius); emission, and a distance beyond everything.
 pub type LampWords = [u32; 24];
 
 /// The same before it is packed.

@@ -8,23 +8,25 @@ use super::stage::{Stage, lambert, pane, quad, room, textured};
 use super::walks::{Even, Mean, Walks, assert_same_mean, file_light};
 use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
+use crate::emitters::SkyRequest;
 use crate::lamps::tests::lamp;
 use crate::lamps::{FreeLamp, LampShape, PreparedLamps};
 use crate::patches::PatchSample;
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
-use crate::sampler::Sampler;
+use crate::sampler::{Sampler, uniform_sphere};
 use crate::scene::{AlphaMode, Encoding, Finish, Material};
+use crate::sky::{Environment, SkyForm, SkyLight, Sun};
 use crate::slabs::hidden;
 
-const ALBEDO: f32 = 0.5;
-const IOR: f64 = 1.5;
+pub(super) const ALBEDO: f32 = 0.5;
+pub(super) const IOR: f64 = 1.5;
 /// Heights of the slab's faces and of the lights over the floor, m.
 const SLAB: [f32; 2] = [0.75, 1.0];
-const HEIGHT: f32 = 1.5;
+pub(super) const HEIGHT: f32 = 1.5;
 
 /// A floor seen at one point, below everything.
-fn floor(material: Material) -> Stage {
+pub(super) fn floor(material: Material) -> Stage {
     let camera = Camera::look_at("eye", Vec3::new(0.0, 0.4, 0.6), Vec3::ZERO, 1e-3, 1.0);
     // So small that next to no light comes back to it.
     let corners = quad(Vec3::new(-0.01, 0.0, -0.01), Vec3::Z * 0.02, Vec3::X * 0.02);
@@ -32,12 +34,12 @@ fn floor(material: Material) -> Stage {
 }
 
 /// Smooth glass with an inside.
-fn glass() -> Material {
+pub(crate) fn glass() -> Material {
     Material { thickness: 1.0, ..pane() }
 }
 
 /// A closed box whose fronts look outwards.
-fn block(center: Vec3, half: Vec3, turn: Quat) -> Vec<Vec3> {
+pub(crate) fn block(center: Vec3, half: Vec3, turn: Quat) -> Vec<Vec3> {
     room(half).into_iter().rev().map(|corner| center + turn * corner).collect()
 }
 
@@ -54,7 +56,7 @@ fn aside(theta: f64) -> f64 {
 }
 
 /// Share that both faces let pass.
-fn passed(theta: f64) -> f64 {
+pub(super) fn passed(theta: f64) -> f64 {
     let within = (theta.sin() / IOR).asin();
     let (cos, cos_within) = (theta.cos(), within.cos());
     let s = (cos - IOR * cos_within) / (cos + IOR * cos_within);
@@ -63,7 +65,7 @@ fn passed(theta: f64) -> f64 {
     one_face * one_face
 }
 
-fn seen(scene: &PreparedScene, bounces: Option<u32>) -> Mean {
+pub(super) fn seen(scene: &PreparedScene, bounces: Option<u32>) -> Mean {
     let plan = Even { n_cols: 1, rate: 1.0, splits: 1 };
     Mean::of(&Walks::of_one_pixel(1000, bounces).streams(scene, &plan, &file_light(scene)))
 }
@@ -171,6 +173,47 @@ fn windows_have_the_mean_of_walks_that_connect_to_nothing() {
     }
 }
 
+/// Points of a cube around the windows.
+fn around(case: u64) -> [Vec3; 2] {
+    let mut sampler = Sampler::new(11, case, 0);
+    [0, 1].map(|_| {
+        let ([x, y], z) = (sampler.next_2d(), sampler.next_1d());
+        Vec3::new(4.0 * x - 2.0, 4.0 * y - 1.0, 4.0 * z - 2.0)
+    })
+}
+
+#[test]
+fn a_way_is_bent_between_straight_on_and_all_of_it_in_air() {
+    let slabs = double_window(lambert(ALBEDO, 0.0)).slabs;
+    let mut n_bent = 0;
+    for [from, to] in (0..10_000).map(around) {
+        let Some(way) = slabs.way(from, to) else { continue };
+        let Some(route) = slabs.bent(&way) else { continue };
+        let [straight, steep] = way.bounds().unwrap().map(Vec3::normalize);
+        let least = straight.dot(steep) - 1e-5;
+        let (a, b) = (straight.dot(route.direction), steep.dot(route.direction));
+        assert!(a >= least && b >= least, "{from} to {to}: {a}, {b}, {least}");
+        assert!(straight.dot((to - from).normalize()) > 1.0 - 1e-5);
+        n_bent += 1;
+    }
+    assert!(n_bent > 100, "{n_bent}");
+}
+
+#[test]
+fn no_way_leads_through_slabs_that_are_beside() {
+    let slabs = double_window(lambert(ALBEDO, 0.0)).slabs;
+    let mut n = [0; 2];
+    for (case, [from, center]) in (0..10_000).map(|case| (case, around(case))) {
+        let mut sampler = Sampler::new(12, case, 0);
+        let radius = 0.3 * sampler.next_1d();
+        let to = center + uniform_sphere(sampler.next_2d()) * radius * sampler.next_1d();
+        let are_beside = slabs.are_beside(from, (center, radius));
+        assert!(!are_beside || slabs.route(from, to).is_none(), "{from} to {to}");
+        n[usize::from(are_beside)] += 1;
+    }
+    assert!(n[0] > 100 && n[1] > 100, "{n:?}");
+}
+
 #[test]
 fn lamps_of_a_look_send_through_windows_what_lamps_of_the_file_send() {
     let (place, down) = (Vec3::new(-0.3, 1.9, 0.2), Vec3::new(0.2, -1.0, 0.1));
@@ -246,6 +289,21 @@ fn a_sun_without_size_over_a_block_of_glass_is_named() {
 }
 
 #[test]
+fn the_sun_of_a_sky_over_a_block_of_glass_is_named() {
+    let sun = Sun { direction: Vec3::Y, illuminance_lx: 9e4, color: Vec3::ONE };
+    let light = SkyLight { sun: Some(sun), ..SkyLight::new("sun", Environment::uniform(Vec3::ONE)) };
+    let under = |material: Material, half: Vec3| {
+        let stage = floor(lambert(ALBEDO, 0.0)).surface("body", &block(Vec3::Y, half, Quat::IDENTITY), material);
+        hidden::warnings(&stage.prepared_under(&SkyRequest { light: light.clone(), form: SkyForm::Whole }))
+    };
+    let found = under(glass(), Vec3::splat(0.3));
+    assert!(found.len() == 1 && found[0].contains("light `sun`") && found[0].contains("by chance"), "{found:?}");
+    let none: [String; 0] = [];
+    assert_eq!(under(glass(), Vec3::new(0.3, 0.01, 0.3)), none, "a slab");
+    assert_eq!(under(Material { roughness: 0.3, ..glass() }, Vec3::splat(0.3)), none, "rough");
+}
+
+#[test]
 fn glass_hides_lamps_whatever_else_is_on_it() {
     let water = quad(Vec3::new(-1.0, 1.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0);
     let hidden = |material: Material, green: u8| {
@@ -284,7 +342,13 @@ fn lamps_without_size_whose_light_mirrors_throw_on_are_named() {
     assert!(found[0].contains("`bulb` sends 17 %"), "{found:?}");
     let none: [String; 0] = [];
     assert_eq!(lamp(mirror(1.0, 0.2)), none, "rough");
-    assert_eq!(lamp(mirror(0.0, 0.0)), none, "a coat");
+    assert_eq!(lamp(mirror(0.0, 0.0)), none, "a coat that gets a sixth of the light");
+    let coated = named(scene(mirror(0.0, 0.0)).lamp("bulb", Vec3::Y * 1.9, 1.0));
+    assert!(coated.len() == 1 && coated[0].contains("smooth coats throw on"), "{coated:?}");
+    let lacquer = Finish { clearcoat: 1.0, ..Finish::default() };
+    let lacquered = Material { finish: Some(Box::new(lacquer)), ..mirror(0.0, 0.6) };
+    let coated = named(scene(lacquered).lamp("bulb", Vec3::Y * 1.9, 1.0));
+    assert!(coated.len() == 1 && coated[0].contains("smooth coats throw on"), "{coated:?}");
     // From far away: the mirror is in the way of a part of what the scene gets; with a size walks meet the lamp.
     let sun = scene(mirror(1.0, 0.0)).distant("sun", Vec3::NEG_Y, 1.0);
     let found = named(sun);

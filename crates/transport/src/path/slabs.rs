@@ -3,9 +3,10 @@
 use glam::{Vec2, Vec3};
 
 use super::{Integrator, LightPlan, LightPoint, Walk};
+use crate::bsdf::Bsdf;
 use crate::emitters::Emitter;
 use crate::prepared::{PreparedScene, SurfaceHit};
-use crate::slabs::Route;
+use crate::slabs::{Facet, Route};
 
 impl<P: LightPlan> Integrator<'_, P> {
     /// A point on the light of a column as seen through the slabs on the way, `straight` the same point without them; `None`
@@ -96,17 +97,28 @@ pub(crate) fn through_glass(
 ) -> Option<(Vec3, (Vec3, Vec3))> {
     let mut passed = Vec3::ONE;
     for crossing in scene.slabs.crossings(route) {
-        let face = scene.surface_at(crossing.point, crossing.triangles)?;
-        let leg = crossing.point - at;
-        let direction = leg.normalize();
+        let (facet, uv) = Facet::with(crossing.facets, crossing.point)?;
+        let place = facet.point(uv);
         // Whether the way is free costs less than what the glass takes.
-        passed *= scene.transmittance(from, face.position);
+        passed *= scene.transmittance(from, place);
         if passed == Vec3::ZERO {
             return None;
         }
-        passed *= scene.refracted(&face, -direction) * (-extinction * leg.length()).exp();
-        extinction = scene.extinction_behind(face.triangle, direction.dot(face.normal) > 0.0);
-        (at, from) = (crossing.point, face.origin(face.outward(direction)));
+        let leg = crossing.point - at;
+        let length = leg.length();
+        let direction = leg / length;
+        let refracted = match crossing.looks {
+            Some(looks) => Bsdf::refracted(looks, facet.normal, facet.normal, -direction),
+            None => scene.refracted(&scene.point_of(facet.triangle, uv), -direction),
+        };
+        passed *= refracted * kept(extinction, length);
+        extinction = scene.extinction_behind(facet.triangle, direction.dot(facet.normal) > 0.0);
+        (at, from) = (crossing.point, facet.origin(place, direction, scene.extent()));
     }
     Some((passed, (at, from)))
+}
+
+/// Share of light that a medium leaves over a length, m.
+fn kept(extinction: Vec3, length: f32) -> Vec3 {
+    if extinction == Vec3::ZERO { Vec3::ONE } else { (-extinction * length).exp() }
 }

@@ -1,12 +1,24 @@
 //! Finds the slabs of a scene: closed bodies of smooth glass whose greatest faces are flat and parallel.
 
-use super::{Bounds, Face, NONE, PARALLEL, Slab, Slabs};
+use glam::{Vec2, Vec3, Vec4};
+
+use super::{Bounds, Face, Facet, MOST_ASIDE, NONE, Outline, Slab, Slabs, Tree};
+use crate::bsdf::{SurfaceParams, surface_params};
 use crate::scene::{AlphaMode, Material, Mesh, Scene};
 
 /// Thickness over the shorter extent of a face up to which a body is a pane and not a block.
 const THINNEST_BLOCK: f32 = 0.5;
-/// Distance of a vertex from a plane over the extent of the body, up to which it lies in it.
-const FLAT: f32 = 1e-5;
+/// Span of a face across its plane over the extent of the body, up to which it is flat: files round places and normals.
+const FLAT: f32 = 2e-3;
+/// The same over its thickness.
+const FLAT_IN_GLASS: f32 = 0.5;
+/// Thickness over the extent of a body up to which it is none.
+const THINNEST: f32 = 1e-5;
+/// One minus the cosine between a face and its triangles, and these and their vertices, up to which they are parallel: about a
+/// degree.
+const LEVEL: f32 = 1.5e-4;
+/// Error of a place over its largest coordinate.
+const ROUNDING: f32 = 4.0 * f32::EPSILON;
 
 impl Slabs {
     /// All slabs of a scene.
@@ -17,22 +29,22 @@ impl Slabs {
         let mut slabs = Slabs::default();
         let own = |t: u32| (mesh.triangle_node[t as usize], mesh.triangle_material[t as usize]);
         for body in mesh.bodies(&glass, own) {
-            let material = &scene.materials[mesh.triangle_material[body[0] as usize] as usize];
-            if let Some(slab) = slab(mesh, &body, material.ior) {
+            if let Some(slab) = slab(scene, &body) {
                 slabs.add(slab, mesh.triangles.len());
             }
         }
+        let boxes: Vec<Bounds> = slabs.slabs.iter().map(|slab| slab.bounds).collect();
+        slabs.tree = Tree::new(&boxes);
         slabs
     }
 
     fn add(&mut self, slab: Slab, n_triangles: usize) {
         self.faces.resize(n_triangles, (NONE, Face::Back));
-        for (face, triangles) in [Face::Back, Face::Front].into_iter().zip(&slab.triangles) {
-            for &triangle in triangles {
-                self.faces[triangle as usize] = (self.slabs.len() as u32, face);
+        for (face, facets) in [Face::Back, Face::Front].into_iter().zip(&slab.facets) {
+            for facet in facets {
+                self.faces[facet.triangle as usize] = (self.slabs.len() as u32, face);
             }
         }
-        self.bounds = self.bounds.with(slab.bounds.lo).with(slab.bounds.hi);
         self.slabs.push(slab);
     }
 }
@@ -50,47 +62,79 @@ pub(super) fn bends(material: &Material) -> bool {
 }
 
 /// The slab that a body is, if it is one.
-fn slab(mesh: &Mesh, body: &[u32], ior: f32) -> Option<Slab> {
+fn slab(scene: &Scene, body: &[u32]) -> Option<Slab> {
+    let (mesh, ior) = (&scene.mesh, material_of(scene, body).ior);
+    let (triangles, normal) = faces(mesh, body)?;
+    let bounds = around(mesh, body);
+    let (outline, middle) = Outline::new(mesh, normal, &triangles, bounds.lo)?;
+    let [back, front] = triangles.each_ref().map(|face| {
+        let heights = face.iter().flat_map(|&t| mesh.corners(t)).map(|corner| (corner - middle).dot(normal));
+        heights.fold([f32::INFINITY, f32::NEG_INFINITY], |[lo, hi], height| [lo.min(height), hi.max(height)])
+    });
+    let mean = |[lo, hi]: [f32; 2]| 0.5 * (lo + hi);
+    let thickness = mean(front) - mean(back);
+    let extent = (bounds.hi - bounds.lo).length();
+    let rounding = ROUNDING * bounds.lo.abs().max(bounds.hi.abs()).max_element();
+    let rough = (FLAT * extent + rounding).min(FLAT_IN_GLASS * thickness);
+    let is_flat = [back, front].iter().all(|[lo, hi]| hi - lo <= rough);
+    // Also where a number is none.
+    let is_thick = thickness > THINNEST * extent + rounding;
+    if !is_flat || !is_thick || thickness > THINNEST_BLOCK * shorter_side(mesh, &triangles[1]) {
+        return None;
+    }
+    let center = middle + normal * (0.5 * (mean(front) + mean(back)));
+    let bounds = bounds.grown(rounding + MOST_ASIDE * thickness);
+    let facets = triangles.map(|face| face.into_iter().map(|triangle| Facet::new(mesh, triangle)).collect());
+    Some(Slab { normal, center, thickness, ior, outline, bounds, facets, looks: looks(scene, body) })
+}
+
+/// Triangles of the back and the front of a body, and the unit normal of the front; `None` where one of both is not there, or bent
+/// by its normals.
+fn faces(mesh: &Mesh, body: &[u32]) -> Option<([Vec<u32>; 2], Vec3)> {
     let largest = *body.iter().max_by(|a, b| area(mesh, **a).total_cmp(&area(mesh, **b)))?;
-    let normal = mesh.area_normal(largest).try_normalize()?;
-    let (mut triangles, mut spans) = ([Vec::new(), Vec::new()], [[f32::INFINITY, f32::NEG_INFINITY]; 2]);
-    let mut bounds = Bounds::default();
+    let toward = mesh.area_normal(largest).try_normalize()?;
+    let (mut triangles, mut sum) = ([Vec::new(), Vec::new()], Vec3::ZERO);
     for &triangle in body {
-        let corners = mesh.corners(triangle);
-        bounds = corners.into_iter().fold(bounds, Bounds::with);
-        let Some(own) = mesh.area_normal(triangle).try_normalize() else { continue };
-        let cos = own.dot(normal);
-        if cos.abs() <= 1.0 - PARALLEL {
+        let across = mesh.area_normal(triangle);
+        let Some(own) = across.try_normalize() else { continue };
+        let cos = own.dot(toward);
+        if cos.abs() <= 1.0 - LEVEL {
             continue;
         }
         let shaded = mesh.triangles[triangle as usize].map(|v| mesh.normals[v as usize].dot(own));
-        if shaded.into_iter().any(|cos| cos <= 1.0 - PARALLEL) {
+        if shaded.into_iter().any(|cos| cos <= 1.0 - LEVEL) {
             return None;
         }
-        let face = usize::from(cos > 0.0);
-        triangles[face].push(triangle);
-        let [lo, hi] = spans[face];
-        let offsets = corners.map(|corner| corner.dot(normal));
-        spans[face] = [offsets.into_iter().fold(lo, f32::min), offsets.into_iter().fold(hi, f32::max)];
+        triangles[usize::from(cos > 0.0)].push(triangle);
+        sum += across * cos.signum();
     }
-    let extent = (bounds.hi - bounds.lo).length();
-    let flat = spans.iter().all(|[lo, hi]| hi - lo <= FLAT * extent);
-    let offsets = spans.map(|[lo, hi]| 0.5 * (lo + hi));
-    let thickness = offsets[1] - offsets[0];
-    if !flat
-        || thickness.is_nan()
-        || thickness <= FLAT * extent
-        || thickness > THINNEST_BLOCK * shorter_side(mesh, &triangles[1])
-    {
-        return None;
-    }
-    Some(Slab { normal, offsets, ior, bounds: bounds.grown(FLAT * extent), triangles })
+    let is_whole = triangles.iter().all(|face| !face.is_empty());
+    is_whole.then_some((triangles, sum.try_normalize()?))
+}
+
+/// The material of a body, which has one alone.
+fn material_of<'a>(scene: &'a Scene, body: &[u32]) -> &'a Material {
+    &scene.materials[scene.mesh.triangle_material[body[0] as usize] as usize]
+}
+
+/// What a body is made of, where that is the same everywhere.
+fn looks(scene: &Scene, body: &[u32]) -> Option<SurfaceParams> {
+    let (mesh, material) = (&scene.mesh, material_of(scene, body));
+    let textures = [material.base_color_texture, material.metallic_roughness_texture, material.transmission_texture];
+    let mut vertices = body.iter().flat_map(|&triangle| mesh.triangles[triangle as usize]);
+    let is_colored = !mesh.colors.is_empty() && vertices.any(|vertex| mesh.colors[vertex as usize] != Vec4::ONE);
+    let is_even = !is_colored && textures.iter().all(Option::is_none);
+    is_even.then(|| surface_params(material, &scene.textures, [Vec2::ZERO; 2], None))
+}
+
+fn around(mesh: &Mesh, triangles: &[u32]) -> Bounds {
+    triangles.iter().flat_map(|&t| mesh.corners(t)).fold(Bounds::default(), Bounds::with)
 }
 
 /// About the shorter extent of a flat face, m: its area over its greatest extent.
 fn shorter_side(mesh: &Mesh, face: &[u32]) -> f32 {
     let total: f32 = face.iter().map(|&t| area(mesh, t)).sum();
-    let bounds = face.iter().flat_map(|&t| mesh.corners(t)).fold(Bounds::default(), Bounds::with);
+    let bounds = around(mesh, face);
     total / (bounds.hi - bounds.lo).length()
 }
 

@@ -1,10 +1,11 @@
-//! Lamps without size whose light meets mirrors, or smooth glass of any other shape: no connection finds what those bend, and no
-//! walk meets them by chance.
+//! Lamps without size whose light meets mirrors and coats, or smooth glass of any other shape: no connection finds what those bend,
+//! and no walk meets them by chance; and a sun that walks find behind such glass by chance alone.
 
 use glam::Vec3;
 
+use super::IN_A_ROW;
 use super::find::bends;
-use crate::basis::SourceKind;
+use crate::basis::{LightSource, SourceKind};
 use crate::bsdf;
 use crate::bvh::Ray;
 use crate::emitters::{Emitter, punctual_falloff};
@@ -16,11 +17,16 @@ use crate::scene::{Material, PunctualKind, PunctualLight, Scene};
 const DIRECTIONS: u32 = 512;
 /// Share of a lamp's light that may be missing without a word.
 const TOLERATED: f32 = 0.01;
+/// Length over the extent of the scene within which light that leaves a slab meets nothing else.
+const CLEAR: f32 = 1e-5;
 
-/// Whether a scene has both, lamps without size and glass or mirrors, so that some light may be missing.
+/// Whether a scene has glass, mirrors or coats that may hide light.
 fn may_hide(scene: &Scene) -> bool {
-    let hides = |m: &Material| bends_smoothly(m, || bsdf::least_roughness(m, &scene.textures)) || mirrored(m) > 0.0;
-    scene.punctual.iter().any(is_sharp) && scene.materials.iter().any(hides)
+    let hides = |m: &Material| {
+        let is_smooth = !m.is_stretched() && bsdf::is_mirror(bsdf::least_roughness(m, &scene.textures));
+        !m.unlit && (is_smooth || m.finish.as_ref().is_some_and(|finish| finish.clearcoat > 0.0))
+    };
+    scene.materials.iter().any(hides)
 }
 
 /// Whether glass bends what passes into one direction alone, whatever coats or waves are on it, where it is that rough.
@@ -38,98 +44,166 @@ fn bent(scene: &PreparedScene, hit: &SurfaceHit) -> f32 {
     if is_smooth { (1.0 - params.metallic) * params.transmission } else { 0.0 }
 }
 
-/// Share of the light that a mirror throws on; 0 of what is none.
-fn mirrored(material: &Material) -> f32 {
-    if material.unlit || material.is_stretched() || !bsdf::is_mirror(material.roughness) {
-        return 0.0;
+/// Shares of light of a direction that a smooth metal, and a smooth coat, throw on; 0 of what is none, and of glass.
+fn thrown(scene: &PreparedScene, hit: &SurfaceHit, direction: Vec3) -> [f32; 2] {
+    let material = scene.material(hit.triangle);
+    if material.unlit || material.transmission > 0.0 {
+        return [0.0; 2];
     }
-    material.metallic * material.base_color.truncate().max_element()
+    let looks = scene.appearance(hit);
+    let lobes = scene.bsdf_of(hit, &looks, -direction);
+    let share: f32 = lobes.deltas().filter(|lobe| !lobe.transmitted).map(|lobe| lobe.share.max_element()).sum();
+    [share * looks.params.metallic, share * (1.0 - looks.params.metallic)]
 }
 
-/// A warning for each lamp of which more than a little is hidden.
+/// A warning for each light of which more than a little is hidden.
 pub(crate) fn warnings(scene: &PreparedScene) -> Vec<String> {
     if !may_hide(&scene.scene) {
         return Vec::new();
     }
-    let lamps = scene.lighting.emitters.iter().zip(&scene.lighting.basis.sources);
-    let words = lamps.flat_map(|(emitter, source)| {
-        let missing = match emitter {
-            Emitter::Punctual(light) => missing(scene, light),
-            _ => Missing::default(),
-        };
-        let said = |share: f32, text: &dyn Fn(f32) -> String| (share > TOLERATED).then(|| text(100.0 * share));
-        let remedy = match source.kind {
-            SourceKind::Directional => "a size with --sun-size",
-            _ => "a shape that emits",
-        };
-        let of_glass = said(missing.bent, &|percent| {
-            format!(
-                "light `{}` sends {percent:.0} % of its light into smooth glass that bends it, and what passes there is missing: \
-                 make the glass rough (above 0.03), without thickness or a flat pane, or give the lamp {remedy}",
-                source.key
-            )
-        });
-        let of_mirrors = said(missing.mirrored, &|percent| {
-            format!(
-                "light `{}` sends {percent:.0} % of its light onto smooth mirrors, and what they throw on is missing: make the \
-                 mirror rough (above 0.03), or give the lamp {remedy}",
-                source.key
-            )
-        });
-        [of_glass, of_mirrors].into_iter().flatten()
+    let lights = scene.lighting.emitters.iter().zip(&scene.lighting.basis.sources);
+    let words = lights.flat_map(|(emitter, source)| match (emitter, source.kind) {
+        (Emitter::Punctual(light), _) => of_lamp(source, missing(scene, &Sender::of(light))),
+        (Emitter::Sun(sun), SourceKind::Sun { .. }) => of_sun(source, missing(scene, &Sender::Far(-sun.direction))),
+        _ => Vec::new(),
     });
     words.collect()
 }
 
-fn is_near(light: &PunctualLight) -> bool {
-    light.kind != PunctualKind::Directional
+/// What there is to say of a share of light.
+fn said(share: f32, text: impl Fn(f32) -> String) -> Option<String> {
+    (share > TOLERATED).then(|| text(100.0 * share))
 }
 
-/// Whether no walk can meet it.
-fn is_sharp(light: &PunctualLight) -> bool {
-    is_near(light) || light.radius_rad <= 0.0
+fn of_lamp(source: &LightSource, missing: Missing) -> Vec<String> {
+    let key = &source.key;
+    let remedy = match source.kind {
+        SourceKind::Directional => "a size with --sun-size",
+        _ => "a shape that emits",
+    };
+    let of_glass = said(missing.bent, |percent| {
+        format!(
+            "light `{key}` sends {percent:.0} % of its light into smooth glass that bends it, and what passes there is missing: make \
+             the glass rough (above 0.03), without thickness or a flat pane, of which {IN_A_ROW} in a row are passed, or give the lamp \
+             {remedy}"
+        )
+    });
+    let of_mirrors = said(missing.mirrored, |percent| {
+        format!(
+            "light `{key}` sends {percent:.0} % of its light onto smooth mirrors, and what they throw on is missing: make the mirror \
+             rough (above 0.03), or give the lamp {remedy}"
+        )
+    });
+    let of_coats = said(missing.coated, |percent| {
+        format!(
+            "smooth coats throw on {percent:.0} % of the light of `{key}`, which is missing: make them rough (above 0.03), or give the \
+             lamp {remedy}"
+        )
+    });
+    [of_glass, of_mirrors, of_coats].into_iter().flatten().collect()
 }
 
-/// Shares of a lamp's light that no walk and no connection finds.
+fn of_sun(source: &LightSource, missing: Missing) -> Vec<String> {
+    let of_glass = said(missing.bent, |percent| {
+        format!(
+            "light `{}` sends {percent:.0} % of its light into smooth glass that bends it, and what passes there is found by chance \
+             alone, with much noise: make the glass rough (above 0.03), without thickness or a flat pane",
+            source.key
+        )
+    });
+    of_glass.into_iter().collect()
+}
+
+/// Where light comes from.
+enum Sender<'a> {
+    /// A place.
+    Near(&'a PunctualLight),
+    /// Far away, along a unit direction.
+    Far(Vec3),
+}
+
+impl Sender<'_> {
+    fn of(light: &PunctualLight) -> Sender<'_> {
+        match light.kind {
+            PunctualKind::Directional => Sender::Far(light.direction),
+            _ => Sender::Near(light),
+        }
+    }
+
+    /// One of some rays, and how much it carries.
+    fn ray(&self, scene: &PreparedScene, nth: u32) -> Option<(Ray, f32)> {
+        let (sin, cos) = (nth as f32 * 2.399_963_2).sin_cos();
+        let along = (nth as f32 + 0.5) / DIRECTIONS as f32;
+        let ray = |origin, direction| Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+        match *self {
+            Sender::Far(direction) => {
+                // A sunflower across all surfaces. [Vogel1979]
+                let (low, high) = scene.scene.mesh.bounds()?;
+                let (middle, radius) = (0.5 * (low + high), 0.5 * low.distance(high));
+                let (x, y) = direction.any_orthonormal_pair();
+                let place = middle + (x * cos + y * sin) * (radius * along.sqrt());
+                Some((ray(place - direction * (2.0 * radius), direction), 1.0))
+            }
+            Sender::Near(light) => {
+                // A spiral from pole to pole, evenly wound.
+                let y = 1.0 - 2.0 * along;
+                let direction = Vec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + Vec3::Y * y;
+                let intensity = punctual_falloff(light, &scene.scene.profiles, direction);
+                (intensity > 0.0).then(|| (ray(light.position, direction), intensity))
+            }
+        }
+    }
+}
+
+/// Shares of a light that no connection finds.
 #[derive(Clone, Copy, Default)]
 struct Missing {
-    /// First meets smooth glass that is no slab.
+    /// Meets smooth glass that is no slab, or too many of these.
     bent: f32,
-    /// First meets mirrors, and is thrown on.
+    /// Meets smooth metal, and is thrown on.
     mirrored: f32,
+    /// Meets smooth coats, and is thrown on.
+    coated: f32,
 }
 
-fn missing(scene: &PreparedScene, light: &PunctualLight) -> Missing {
+/// What a ray of light meets behind clear panes and slabs.
+enum Met {
+    Nothing,
+    Surface(SurfaceHit),
+    /// More slabs than a connection passes.
+    Slabs,
+}
+
+fn missing(scene: &PreparedScene, sender: &Sender<'_>) -> Missing {
     let (mut missing, mut all) = (Missing::default(), 0.0);
     for nth in 0..DIRECTIONS {
-        let Some((ray, intensity)) = ray_of(scene, light, nth) else { continue };
-        let met = scene.closest_behind_panes(&ray, &mut Sampler::new(0, u64::from(nth), 0)).map(|(hit, _)| hit);
+        let Some((ray, intensity)) = sender.ray(scene, nth) else { continue };
+        let met = met(scene, ray, nth);
         // Of light from far away only what meets the scene counts.
-        all += if met.is_some() || is_near(light) { intensity } else { 0.0 };
-        let Some(hit) = met else { continue };
-        missing.mirrored += intensity * mirrored(scene.material(hit.triangle));
-        missing.bent += intensity * bent(scene, &hit);
+        all += if matches!((&met, sender), (Met::Nothing, Sender::Far(_))) { 0.0 } else { intensity };
+        match met {
+            Met::Nothing => {}
+            Met::Slabs => missing.bent += intensity,
+            Met::Surface(hit) => {
+                let [mirrored, coated] = thrown(scene, &hit, ray.direction);
+                missing.mirrored += intensity * mirrored;
+                missing.coated += intensity * coated;
+                missing.bent += intensity * bent(scene, &hit);
+            }
+        }
     }
     let share = |part: f32| if all > 0.0 { part / all } else { 0.0 };
-    Missing { bent: share(missing.bent), mirrored: share(missing.mirrored) }
+    Missing { bent: share(missing.bent), mirrored: share(missing.mirrored), coated: share(missing.coated) }
 }
 
-/// One of some rays that a lamp sends, and how much it carries.
-fn ray_of(scene: &PreparedScene, light: &PunctualLight, nth: u32) -> Option<(Ray, f32)> {
-    let (sin, cos) = (nth as f32 * 2.399_963_2).sin_cos();
-    let along = (nth as f32 + 0.5) / DIRECTIONS as f32;
-    let ray = |origin, direction| Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
-    if !is_near(light) {
-        // A sunflower across all surfaces. [Vogel1979]
-        let (low, high) = scene.scene.mesh.bounds()?;
-        let (middle, radius) = (0.5 * (low + high), 0.5 * low.distance(high));
-        let (x, y) = light.direction.any_orthonormal_pair();
-        let place = middle + (x * cos + y * sin) * (radius * along.sqrt());
-        return Some((ray(place - light.direction * (2.0 * radius), light.direction), 1.0));
+fn met(scene: &PreparedScene, mut ray: Ray, nth: u32) -> Met {
+    let sampler = &mut Sampler::new(0, u64::from(nth), 0);
+    for _ in 0..=IN_A_ROW {
+        let Some((hit, _)) = scene.closest_behind_panes(&ray, sampler) else { return Met::Nothing };
+        match scene.slabs.behind(hit.triangle, hit.position, ray.direction) {
+            Some(out) => (ray.origin, ray.t_min) = (out, CLEAR * scene.extent()),
+            None => return Met::Surface(hit),
+        }
     }
-    // A spiral from pole to pole, evenly wound.
-    let y = 1.0 - 2.0 * along;
-    let direction = Vec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + Vec3::Y * y;
-    let intensity = punctual_falloff(light, &scene.scene.profiles, direction);
-    (intensity > 0.0).then(|| (ray(light.position, direction), intensity))
+    Met::Slabs
 }

@@ -23,6 +23,15 @@ pub(super) struct Shading<'a> {
     far: f32,
 }
 
+/// What is to know of the light that comes through slabs.
+#[derive(Default)]
+struct Through {
+    /// The first one on the way.
+    slab: Option<u32>,
+    /// The way, and where it ends, if it does; `None` where it carries nothing whatever lies on it.
+    bent: Option<(Option<Vec3>, Route)>,
+}
+
 /// Shadow rays of a group to a point that they share.
 struct Fan {
     n: usize,
@@ -77,8 +86,8 @@ impl<'a> Shading<'a> {
         let mut n_rays = 0;
         for (nth, point) in group.iter().enumerate().filter(|(_, point)| is_wanted(point.pixel)) {
             let at = (point.pixel - first) as usize;
-            let way = lamp.lamp.way(self.scene, point.position, spread(u, nth), self.far);
-            if let Some(passed) = way.and_then(|way| self.along((point, specials), lamp, spread(u, nth), &way)) {
+            let Through { slab, bent } = self.through(point, lamp, spread(u, nth)).unwrap_or_default();
+            if let Some(passed) = bent.and_then(|bent| self.along((point, specials), lamp, spread(u, nth), bent)) {
                 n_rays += 1;
                 pixels[at] += passed;
             }
@@ -89,7 +98,7 @@ impl<'a> Shading<'a> {
             };
             let Some(lit) = lit else { continue };
             let slabs = &self.scene.slabs;
-            if way.is_some_and(|way| slabs.is_in_between(self.scene, &way.route, [point.position, lit.target])) {
+            if slab.is_some_and(|slab| slabs.is_in_between(slab, [point.position, lit.target])) {
                 continue;
             }
             let ng = point.normal();
@@ -142,10 +151,45 @@ impl<'a> Shading<'a> {
         (luminance(value) > 0.0).then_some(value)
     }
 
-    /// The light of a lamp at a point along a way; `None` where the lamp sends none there, or the point none to its pixel.
-    fn along(&self, (point, specials): (&Point, &[Special]), lamp: &PreparedLamp, u: Vec2, way: &Way) -> Option<Vec3> {
-        let (scene, position, route) = (self.scene, point.position, &way.route);
-        let (lit, ng) = (lamp.lamp.lit_along(way, position, u, self.far)?, point.normal());
+    /// The way from a point to one of a lamp through the slabs in between; `None` where there are none.
+    fn through(&self, point: &Point, lamp: &PreparedLamp, u: Vec2) -> Option<Through> {
+        let (slabs, far, position) = (&self.scene.slabs, self.far, point.position);
+        if slabs.is_empty() {
+            return None;
+        }
+        if lamp.lamp.is_beyond() {
+            let wi = lamp.lamp.lit_well(position, u, far)?.wi;
+            let route = point.may_send(point.normal(), wi).then(|| slabs.route_beyond(position, wi, far))??;
+            return Some(Through { slab: route.slabs().first().copied(), bent: Some((None, route)) });
+        }
+        let body = lamp.lamp.body();
+        if body.is_some_and(|body| slabs.are_beside(position, body.ball())) {
+            return None;
+        }
+        let end = lamp.lamp.point(u)?;
+        let way = slabs.way(position, end.position)?;
+        // Half of the ways leave a surface or a lamp to the wrong side, which costs less to know than how they are bent.
+        let ng = point.normal();
+        let may_carry = way.bounds().is_none_or(|bounds| {
+            let may_send = bounds.iter().any(|wi| point.may_send(ng, *wi));
+            may_send && (body.is_none() || bounds.iter().any(|wi| wi.dot(end.normal) < 0.0))
+        });
+        let bent = may_carry.then(|| slabs.bent(&way)).flatten();
+        Some(Through { slab: Some(way.first()), bent: bent.map(|route| (Some(end.position), route)) })
+    }
+
+    /// The light of a lamp at a point along a route; `None` where the lamp sends none there, or the point none to its pixel.
+    fn along(
+        &self,
+        (point, specials): (&Point, &[Special]),
+        lamp: &PreparedLamp,
+        u: Vec2,
+        (end, route): (Option<Vec3>, Route),
+    ) -> Option<Vec3> {
+        let (scene, position) = (self.scene, point.position);
+        // From there the lamp looks, without slabs, as it does from here through them.
+        let eye = end.map_or(position, |end| end - route.direction / route.closeness.sqrt());
+        let (lit, ng) = (lamp.lamp.lit(eye, u, self.far)?, point.normal());
         if !point.may_send(ng, lit.wi) {
             return None;
         }

@@ -3,9 +3,12 @@
 use std::f32::consts::PI;
 use std::ops::ControlFlow;
 
+use glam::Quat;
+
 use super::*;
 use crate::lamps::tests::ONE_SIDED;
 use crate::lamps::{FreeLamp, LampShape, LampUnit};
+use crate::laws::slabs::{block, glass};
 use crate::laws::stage::{Stage, lambert, pane, quad};
 use crate::light::{LightRig, LightSetting};
 use crate::scene::Material;
@@ -238,6 +241,55 @@ fn direct_light_behind_a_clear_pane_is_that_of_walks() {
     for lamp in [&shapes()[0], &shapes()[3], &shapes()[5]] {
         let lamp = FreeLamp { position: Vec3::new(0.3, 2.6, 0.1), aim: Vec3::ZERO, ..lamp.clone() };
         compare(glazed, std::slice::from_ref(&lamp), 0, 256, &format!("pane, {:?}", lamp.shape));
+    }
+}
+
+#[test]
+fn direct_light_through_a_solid_pane_is_that_of_walks() {
+    // So wide that no light comes around the glass or through its rim; two bounces are its faces, so that walks scatter once.
+    let turn = Quat::from_rotation_z(0.15);
+    let window = block(Vec3::new(0.0, 1.1, 0.0), Vec3::new(8.0, 0.125, 8.0), turn);
+    let covered = || {
+        let camera = Camera::look_at("eye", Vec3::new(0.0, 0.6, 1.2), Vec3::ZERO, 0.8, 1.5);
+        let floor = quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0);
+        let shade = quad(Vec3::new(-0.2, 0.3, 0.2), Vec3::X * 0.4, Vec3::NEG_Z * 0.4);
+        let dark = Material { double_sided: true, ..lambert(0.2, 0.0) };
+        Stage::new(camera).surface("floor", &floor, lambert(ALBEDO, 0.0)).surface("shade", &shade, dark).surface(
+            "window",
+            &window,
+            glass(),
+        )
+    };
+    for lamp in shapes() {
+        let lamp = FreeLamp { position: Vec3::new(0.3, 1.9, 0.2), aim: Vec3::ZERO, ..lamp };
+        compare(covered, std::slice::from_ref(&lamp), 2, 256, &format!("solid pane, {:?}", lamp.shape));
+    }
+}
+
+#[test]
+fn two_panes_in_a_turned_wall_pass_light_of_free_lamps_as_one_of_double_width_does() {
+    let turn = Quat::from_rotation_y(0.7854);
+    let behind = |panes: &[[f32; 2]]| {
+        let camera = Camera::look_at("eye", turn * Vec3::new(0.0, 1.2, 0.9), Vec3::ZERO, 0.5, 1.5);
+        let floor = quad(Vec3::new(-0.7, 0.0, 0.7), Vec3::X * 1.4, Vec3::NEG_Z * 1.4);
+        let stage = Stage::new(camera).surface("floor", &floor, lambert(ALBEDO, 0.0));
+        let wall = panes.iter().fold(stage, |stage, &[lo, hi]| {
+            let (center, half) = (Vec3::new(0.5 * (lo + hi), 1.0, -1.0), Vec3::new(0.5 * (hi - lo), 1.0, 0.006));
+            stage.surface("pane", &block(turn * center, half, turn), glass())
+        });
+        wall.prepared()
+    };
+    let (one, two) = (behind(&[[-1.0, 1.0]]), behind(&[[-1.0, 0.0], [0.0, 1.0]]));
+    for lamp in shapes() {
+        let lamp = FreeLamp { position: turn * Vec3::new(0.3, 1.5, -2.5), aim: Vec3::ZERO, ..lamp };
+        let lamps = prepared(std::slice::from_ref(&lamp));
+        let [one, two] = [&one, &two].map(|scene| live(scene, &lamps, FILM, 1, 0));
+        let n_lit = one.iter().filter(|rgb| rgb[1] > 0.0).count();
+        let differ = |(a, b): &(&[f32; 3], &[f32; 3])| (a[1] - b[1]).abs() > 0.01 * a[1];
+        let n_different = one.iter().zip(&two).filter(differ).count();
+        // Half of the points of a sphere face away.
+        let are_alike = n_lit > FILM.n_pixels() / 4 && n_different <= FILM.n_pixels() / 50;
+        assert!(are_alike, "{:?}: {n_different} of {n_lit}", lamp.shape);
     }
 }
 

@@ -46,8 +46,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          *Whole* is what the window does from a lamp that has moved to the picture on the screen of 1024 × 768, its own drawing aside: one sample of the direct light of each pixel, the irradiance of\n\
          all {DEFAULT_PATCHES} patches, all columns of the bake (of {SPP} samples per pixel) relit, both summed and encoded, on the CPU or with the graphics device; a lamp that rests for 0.1 s is\n\
          refined as it is there. Goals: {} ms on a CPU of two threads, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians of {STEPS} steps, of the whole with least…greatest. The bake has seed 0. Shadow rays that nothing needs\n\
-         are not cast. `kernel` is the direct light on the graphics device by the device's own clock, `back` when the CPU can read it, `device` when the CPU has added what was left to it; none where\n\
-         light comes through solid panes.\n\
+         are not cast. `kernel` is the direct light on the graphics device by the device's own clock, `back` when the CPU can read it, `device` when the CPU has added what was left to it.\n\
          {device} {}\n\n{table}",
         GOALS_MS[0],
         GOALS_MS[1],
@@ -79,7 +78,7 @@ pub fn table(desk: &Desk, gpu: Option<&Gpu>) -> Result<String> {
 fn rows(name: &str, (scene, camera): (&Arc<PreparedScene>, &Camera), bake: &Bake, gpu: Option<&Gpu>) -> Result<String> {
     let config = VisibleConfig { narrow_alpha: NARROW_ALPHA, samples: 1, ..VisibleConfig::default() };
     let points = VisiblePoints::new(scene, camera, STEP, config, &|| false).context("nobody stopped it")?;
-    let device = gpu.map(|gpu| Device::new(gpu, scene, &points)).transpose()?.flatten();
+    let device = gpu.map(|gpu| Device::new(gpu, scene, &points)).transpose()?;
     let patches = bake.header.patches.as_ref().context("no patches")?;
     let goal_of_cpu = (rayon::current_num_threads() <= 2).then_some(GOALS_MS[0]);
     let mut rows = String::new();
@@ -139,15 +138,19 @@ struct Device {
 }
 
 impl Device {
-    /// `None` where only the CPU knows how light travels.
-    fn new(gpu: &Gpu, scene: &PreparedScene, points: &VisiblePoints) -> Result<Option<Device>> {
-        let Some(words) = scene.tree_words() else { return Ok(None) };
-        let coats = scene.coat_table();
-        let tree = TreeWords { nodes: &words.nodes, blocks: &words.blocks, sheer: words.second, coats: &coats };
+    fn new(gpu: &Gpu, scene: &PreparedScene, points: &VisiblePoints) -> Result<Device> {
+        let (words, coats) = (scene.tree_words(), scene.coat_table());
+        let tree = TreeWords {
+            nodes: &words.nodes,
+            blocks: &words.blocks,
+            sheer: words.second,
+            slabs: &words.slabs,
+            coats: &coats,
+        };
         let lamplight = Lamplight::new(gpu, tree)?;
         let seen = points.words(scene, 0);
         let sample = lamplight.sample([STEP.width, STEP.height], &seen.starts, &seen.points)?;
-        Ok(Some(Device { lamplight, sample }))
+        Ok(Device { lamplight, sample })
     }
 
     /// A whole picture.

@@ -138,7 +138,7 @@ fn samples_within(most_bytes: usize, sample_bytes: usize) -> usize {
 impl Bench {
     /// Of a view, before the first lamp.
     pub fn new(view: Arc<LampView>) -> Bench {
-        let opened = view.device.as_ref().map_or(Ok(None), |gpu| LampDevice::new(gpu, &view));
+        let opened = view.device.as_ref().map(|gpu| LampDevice::new(gpu, &view)).transpose();
         let (device, device_problem) =
             opened.map_or_else(|error| (None, Some(on_cpu(&error))), |device| (device, None));
         Bench {

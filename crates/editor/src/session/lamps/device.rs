@@ -20,17 +20,22 @@ pub(super) struct LampDevice {
 }
 
 impl LampDevice {
-    /// Takes a scene to the device; `None` where light comes through solid panes, which only the CPU follows.
+    /// Takes a scene to the device.
     ///
     /// # Errors
     /// A device that fails, or does not take so large a scene.
-    pub fn new(gpu: &Gpu, view: &LampView) -> Result<Option<LampDevice>, RelightError> {
-        let Some(words) = view.scene.tree_words() else { return Ok(None) };
-        let coats = view.scene.coat_table();
-        let tree = TreeWords { nodes: &words.nodes, blocks: &words.blocks, sheer: words.second, coats: &coats };
+    pub fn new(gpu: &Gpu, view: &LampView) -> Result<LampDevice, RelightError> {
+        let (words, coats) = (view.scene.tree_words(), view.scene.coat_table());
+        let tree = TreeWords {
+            nodes: &words.nodes,
+            blocks: &words.blocks,
+            sheer: words.second,
+            slabs: &words.slabs,
+            coats: &coats,
+        };
         let lamplight = Lamplight::new(gpu, tree)?;
         let size = [view.film.width, view.film.height];
-        Ok(Some(LampDevice { scene: view.scene.clone(), lamplight, size, samples: Vec::new() }))
+        Ok(LampDevice { scene: view.scene.clone(), lamplight, size, samples: Vec::new() })
     }
 
     /// A pass of a lamp at the points of a sample that is kept, each the first time in order; `None` where the CPU has to do it
@@ -78,7 +83,7 @@ mod tests {
     use clerestory_transport::patches::NARROW_ALPHA;
     use clerestory_transport::scene::{AlphaMode, Encoding, Filter, Image, Material, Scene, Texture, TextureRef, Wrap};
     use clerestory_transport::visible::VisibleConfig;
-    use glam::{Affine2, Vec2, Vec3};
+    use glam::{Affine2, Quat, Vec2, Vec3, Vec4};
 
     use super::*;
 
@@ -189,7 +194,7 @@ mod tests {
             let view = view("scene.glb", bytes);
             let config = VisibleConfig { samples: 1, narrow_alpha: NARROW_ALPHA, ..VisibleConfig::default() };
             let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
-            let mut device = LampDevice::new(gpu, &view).unwrap().unwrap();
+            let mut device = LampDevice::new(gpu, &view).unwrap();
             let ahead = view.camera.direction(FILM, Vec2::new(36.0, 25.0));
             let at = view.camera.position() + ahead * 1.5;
             for (nth, lamp) in lamps(at, at + ahead - Vec3::Y).iter().enumerate() {
@@ -218,7 +223,7 @@ mod tests {
             let view = view_of(furnished());
             let config = VisibleConfig { samples: 1, narrow_alpha: NARROW_ALPHA, ..VisibleConfig::default() };
             let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
-            let mut device = LampDevice::new(gpu, &view).unwrap().unwrap();
+            let mut device = LampDevice::new(gpu, &view).unwrap();
             let place = [Vec3::new(0.1, 0.5, 0.3), Vec3::new(-0.3, -1.0, -0.5)];
             let narrow = lamp(
                 LampShape::Spot { inner_rad: 0.0, outer_rad: 0.03 },
@@ -240,6 +245,127 @@ mod tests {
     }
 
     #[test]
+    fn what_lies_close_to_a_flat_lamp_is_found_by_every_device() {
+        let gpus = Gpu::all_headless(DeviceChoice::Any);
+        assert!(!gpus.is_empty() || !is_required(), "no adapter");
+        let view = view("room.gltf", include_bytes!("../../../tests/room.gltf"));
+        let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
+        let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
+        let lamps = lamps(Vec3::new(0.1, 0.1, -0.7), Vec3::new(0.3, -0.2, -1.0));
+        for (gpu, lamp) in gpus.iter().flat_map(|gpu| lamps[3..5].iter().map(move |lamp| (gpu, lamp))) {
+            let mut device = LampDevice::new(gpu, &view).unwrap();
+            let raw = device.found((0, &points), lamp, 0, <[_]>::to_vec).unwrap().unwrap();
+            let n_left = raw.iter().filter(|rgb| rgb[3] != 0.0).count();
+            assert!(n_left < FILM.n_pixels() / 50, "{lamp:?}: {n_left} pixels are left to the CPU");
+            let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
+            let expected = points.direct(&view.scene, lamp, 0, &|| false).unwrap();
+            let (n_different, [sum, expected_sum]) = compare(&found, &expected);
+            assert!(n_different <= FILM.n_pixels() / 200, "{lamp:?}: {n_different} pixels");
+            assert!((sum - expected_sum).abs() <= 1e-3 * expected_sum, "{lamp:?}: {sum}, {expected_sum}");
+        }
+    }
+
+    /// A closed box of a material of its own, turned about the origin.
+    fn add_box(scene: &mut Scene, (center, half): (Vec3, Vec3), turn: Quat, material: Material) {
+        let (mesh, material_idx) = (&mut scene.mesh, scene.materials.len() as u32);
+        scene.materials.push(material);
+        for (axis, side) in (0..3).flat_map(|axis| [-1.0f32, 1.0].map(|side| (axis, side))) {
+            let along = |axis: usize| Vec3::AXES[axis % 3] * half[axis % 3];
+            let (n, u, v) = (along(axis) * side, along(axis + 1), along(axis + 2) * side);
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend([-u - v, u - v, u + v, v - u].map(|corner| turn * (center + n + corner)));
+            mesh.normals.extend([turn * n.normalize(); 4]);
+            mesh.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|nth| first + nth)));
+            mesh.triangle_material.extend([material_idx; 2]);
+            mesh.triangle_node.extend([0; 2]);
+        }
+    }
+
+    /// A room without its wall behind the viewer, who sees it through a pane of solid glass from wall to wall and a smaller one.
+    fn glazed() -> LampView {
+        let wide = (Vec3::Z * -0.1, Vec3::new(1.2, 1.2, 0.03));
+        glazed_with([wide, (Vec3::new(-0.3, 0.1, 0.1), Vec3::new(0.6, 0.7, 0.04))], Quat::IDENTITY)
+    }
+
+    /// The same behind two panes beside each other.
+    fn glazed_aslant(turn: Quat) -> LampView {
+        glazed_with([-0.7, 0.7].map(|x| (Vec3::X * x, Vec3::new(0.7, 1.2, 0.03))), turn)
+    }
+
+    /// The same with panes as given by middle and half of their size, and then turned about the origin.
+    fn glazed_with([one, other]: [(Vec3, Vec3); 2], turn: Quat) -> LampView {
+        let room = include_str!("../../../tests/room.gltf").replace(r#""count": 36"#, r#""count": 30"#);
+        let mut scene = import::load_bytes("room.gltf", room.as_bytes()).unwrap().scene;
+        let glass = Material {
+            base_color: Vec4::new(0.9, 0.8, 0.95, 1.0),
+            metallic: 0.0,
+            roughness: 0.0,
+            transmission: 1.0,
+            thickness: 1.0,
+            ..Material::default()
+        };
+        let tinted =
+            Material { attenuation_distance: 0.1, attenuation_color: Vec3::new(0.9, 0.6, 0.7), ..glass.clone() };
+        add_box(&mut scene, one, turn, glass);
+        add_box(&mut scene, other, turn, tinted);
+        view_of(scene)
+    }
+
+    #[test]
+    fn every_device_finds_the_light_that_solid_panes_bend() {
+        let gpus = Gpu::all_headless(DeviceChoice::Any);
+        assert!(!gpus.is_empty() || !is_required(), "no adapter");
+        let turn = Quat::from_rotation_y(0.5);
+        for (view, turn) in [(glazed(), Quat::IDENTITY), (glazed_aslant(turn), turn)] {
+            let [behind, before] = [Vec3::new(0.1, 0.2, -0.6), Vec3::new(-0.2, 0.1, 0.6)].map(|place| turn * place);
+            assert_light_through_panes(&gpus, &view, [behind, before]);
+        }
+    }
+
+    /// Holds devices against the CPU for lamps on both sides of panes.
+    fn assert_light_through_panes(gpus: &[Gpu], view: &LampView, [behind, before]: [Vec3; 2]) {
+        let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
+        let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
+        let sides = [lamps(behind, before), lamps(before, behind)];
+        for (gpu, (side, lamps)) in gpus.iter().flat_map(|gpu| sides.iter().enumerate().map(move |side| (gpu, side))) {
+            let mut device = LampDevice::new(gpu, view).unwrap();
+            for (nth, lamp) in lamps.iter().enumerate() {
+                let what = format!("lamp {nth} of side {side}");
+                let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
+                let expected = points.direct(&view.scene, lamp, 0, &|| false).unwrap();
+                let (n_different, [sum, expected_sum]) = compare(&found, &expected);
+                assert!(n_different <= FILM.n_pixels() / 200, "{what}: {n_different} pixels");
+                assert!((sum - expected_sum).abs() <= 1e-3 * expected_sum, "{what}: {sum}, {expected_sum}");
+                let raw = device.found((0, &points), lamp, 0, <[_]>::to_vec).unwrap().unwrap();
+                let n_left = raw.iter().filter(|rgb| rgb[3] != 0.0).count();
+                assert!(n_left < FILM.n_pixels() / 4, "{what}: {n_left} pixels are left to the CPU");
+                // Only what lies behind the panes is seen, so that the light of the other side comes through them.
+                let n_lit = raw.iter().filter(|rgb| rgb[..3] != [0.0; 3]).count();
+                assert!(n_lit > FILM.n_pixels() / 5 || side == 0, "{what}: {n_lit} pixels are lit by the device");
+            }
+        }
+    }
+
+    #[test]
+    fn a_pane_whose_looks_differ_from_place_to_place_is_left() {
+        let gpus = Gpu::all_headless(DeviceChoice::Any);
+        assert!(!gpus.is_empty() || !is_required(), "no adapter");
+        let Some(gpu) = gpus.into_iter().next() else { return println!("skipped: no adapter") };
+        let mut scene = glazed().scene.scene.clone();
+        scene.mesh.colors = vec![Vec4::new(0.5, 0.6, 0.7, 1.0); scene.mesh.positions.len()];
+        let view = view_of(scene);
+        let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
+        let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
+        let lamp = &lamps(Vec3::new(-0.2, 0.1, 0.6), Vec3::ZERO)[0];
+        let mut device = LampDevice::new(&gpu, &view).unwrap();
+        let raw = device.found((0, &points), lamp, 0, <[_]>::to_vec).unwrap().unwrap();
+        assert!(raw.iter().filter(|rgb| rgb[3] != 0.0).count() > FILM.n_pixels() / 10);
+        let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
+        let (n_different, _) = compare(&found, &points.direct(&view.scene, lamp, 0, &|| false).unwrap());
+        assert!(n_different <= FILM.n_pixels() / 200, "{n_different} pixels");
+    }
+
+    #[test]
     fn parallel_light_is_found_and_what_a_device_does_not_know_is_left() {
         let gpus = Gpu::all_headless(DeviceChoice::Any);
         assert!(!gpus.is_empty() || !is_required(), "no adapter");
@@ -249,7 +375,7 @@ mod tests {
         let view = view("wall.gltf", wall.as_bytes());
         let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
         let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
-        let mut device = LampDevice::new(&gpu, &view).unwrap().unwrap();
+        let mut device = LampDevice::new(&gpu, &view).unwrap();
         let eye = view.camera.position();
         let lamp = &lamps(eye, eye + Vec3::new(-1.0, -0.1, -0.2))[2];
         let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
