@@ -958,6 +958,22 @@ impl Run<'_> {
         on_event(BakeEvent::Progress { pass, done, secs_left })
     }
 
+    /// How the blocks of a pass are compressed.
+    fn compression(&self, samples: Option<u32>, is_last: bool) -> CompressConfig {
+        let (job, header) = (self.job, &self.header);
+        let tolerance_db = job.config.tolerance_of(samples);
+        let mut config = job.compress_config(samples.unwrap_or(1), tolerance_db, &header.column_scale);
+        if is_last {
+            config.smoothing = job.config.smooth.then(|| header.smoothing(&header.partition()));
+        } else {
+            config.method = Method::default();
+        }
+        if samples.is_none() {
+            config.verbatim = job.n_lamps_apart();
+        }
+        config
+    }
+
     fn pass(
         &mut self,
         pass: u32,
@@ -996,16 +1012,7 @@ impl Run<'_> {
                 Some(SharedMatrix { matrix, nodes })
             }
         };
-        let tolerance_db = job.config.tolerance_of(samples);
-        let mut config = job.compress_config(samples.unwrap_or(1), tolerance_db, &header.column_scale);
-        if is_last {
-            config.smoothing = job.config.smooth.then(|| header.smoothing(&partition));
-        } else {
-            config.method = Method::default();
-        }
-        if samples.is_none() {
-            config.verbatim = job.n_lamps_apart();
-        }
+        let config = self.compression(samples, is_last);
         let mut of_patches = PatchBlocks::none(&header);
         if is_last && self.patches(&mut of_patches, (0, blocks), (pass, clock.done()), on_event)?.is_break() {
             return Ok(ControlFlow::Break(()));

@@ -1,5 +1,6 @@
 //! Light through several solid panes: beside each other, at an angle, in a row, far from the origin and as files round them.
 
+use std::f32::consts::{FRAC_PI_4, FRAC_PI_6};
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use glam::{Quat, Vec3};
@@ -15,7 +16,7 @@ use crate::scene::{PunctualKind, Scene};
 use crate::slabs::{Slabs, hidden};
 
 /// Turns of walls about the vertical.
-const TURNS: [f32; 3] = [0.5236, 0.7854, 2.3562];
+const TURNS: [f32; 3] = [FRAC_PI_6, FRAC_PI_4, 3.0 * FRAC_PI_4];
 
 /// A floor before a wall at a distance of 1 m that is turned, with panes in it from some places to others along it.
 fn wall(turn: Quat, panes: &[[f32; 2]]) -> Stage {
@@ -72,7 +73,7 @@ fn two_panes_beside_each_other_pass_what_one_of_double_width_passes() {
 #[test]
 fn a_pane_beside_the_way_takes_nothing() {
     // A door ajar: the way crosses its box along the axes, and its plane, but not the door.
-    let door = block(Vec3::new(0.7, 1.0, -1.75), Vec3::new(0.5, 1.0, 0.006), Quat::from_rotation_y(0.7854));
+    let door = block(Vec3::new(0.7, 1.0, -1.75), Vec3::new(0.5, 1.0, 0.006), Quat::from_rotation_y(FRAC_PI_4));
     for (what, light) in LIGHTS {
         let bare = || wall(Quat::IDENTITY, &[[-1.0, 1.0]]);
         let of = |stage: Stage| ready(light(stage, Vec3::new(0.5, HEIGHT, -2.5)));

@@ -28,8 +28,8 @@ pub(super) struct Shading<'a> {
 struct Through {
     /// The first one on the way.
     slab: Option<u32>,
-    /// The way, and where it ends, if it does; `None` where it carries nothing whatever lies on it.
-    bent: Option<(Option<Vec3>, Route)>,
+    /// `None` where it carries nothing whatever lies on it.
+    bent: Option<Way>,
 }
 
 /// Shadow rays of a group to a point that they share.
@@ -87,7 +87,7 @@ impl<'a> Shading<'a> {
         for (nth, point) in group.iter().enumerate().filter(|(_, point)| is_wanted(point.pixel)) {
             let at = (point.pixel - first) as usize;
             let Through { slab, bent } = self.through(point, lamp, spread(u, nth)).unwrap_or_default();
-            if let Some(passed) = bent.and_then(|bent| self.along((point, specials), lamp, spread(u, nth), bent)) {
+            if let Some(passed) = bent.and_then(|bent| self.along((point, specials), lamp, spread(u, nth), &bent)) {
                 n_rays += 1;
                 pixels[at] += passed;
             }
@@ -160,7 +160,7 @@ impl<'a> Shading<'a> {
         if lamp.lamp.is_beyond() {
             let wi = lamp.lamp.lit_well(position, u, far)?.wi;
             let route = point.may_send(point.normal(), wi).then(|| slabs.route_beyond(position, wi, far))??;
-            return Some(Through { slab: route.slabs().first().copied(), bent: Some((None, route)) });
+            return Some(Through { slab: route.slabs().first().copied(), bent: Some(Way { route, end: None }) });
         }
         let body = lamp.lamp.body();
         if body.is_some_and(|body| slabs.are_beside(position, body.ball())) {
@@ -175,21 +175,13 @@ impl<'a> Shading<'a> {
             may_send && (body.is_none() || bounds.iter().any(|wi| wi.dot(end.normal) < 0.0))
         });
         let bent = may_carry.then(|| slabs.bent(&way)).flatten();
-        Some(Through { slab: Some(way.first()), bent: bent.map(|route| (Some(end.position), route)) })
+        Some(Through { slab: Some(way.first()), bent: bent.map(|route| Way { route, end: Some(end.position) }) })
     }
 
-    /// The light of a lamp at a point along a route; `None` where the lamp sends none there, or the point none to its pixel.
-    fn along(
-        &self,
-        (point, specials): (&Point, &[Special]),
-        lamp: &PreparedLamp,
-        u: Vec2,
-        (end, route): (Option<Vec3>, Route),
-    ) -> Option<Vec3> {
-        let (scene, position) = (self.scene, point.position);
-        // From there the lamp looks, without slabs, as it does from here through them.
-        let eye = end.map_or(position, |end| end - route.direction / route.closeness.sqrt());
-        let (lit, ng) = (lamp.lamp.lit(eye, u, self.far)?, point.normal());
+    /// The light of a lamp at a point along a way; `None` where the lamp sends none there, or the point none to its pixel.
+    fn along(&self, (point, specials): (&Point, &[Special]), lamp: &PreparedLamp, u: Vec2, way: &Way) -> Option<Vec3> {
+        let (scene, position, route) = (self.scene, point.position, &way.route);
+        let (lit, ng) = (lamp.lamp.lit_along(way, position, u, self.far)?, point.normal());
         if !point.may_send(ng, lit.wi) {
             return None;
         }

@@ -268,7 +268,7 @@ fn direct_light_through_a_solid_pane_is_that_of_walks() {
 
 #[test]
 fn two_panes_in_a_turned_wall_pass_light_of_free_lamps_as_one_of_double_width_does() {
-    let turn = Quat::from_rotation_y(0.7854);
+    let turn = Quat::from_rotation_y(std::f32::consts::FRAC_PI_4);
     let behind = |panes: &[[f32; 2]]| {
         let camera = Camera::look_at("eye", turn * Vec3::new(0.0, 1.2, 0.9), Vec3::ZERO, 0.5, 1.5);
         let floor = quad(Vec3::new(-0.7, 0.0, 0.7), Vec3::X * 1.4, Vec3::NEG_Z * 1.4);
