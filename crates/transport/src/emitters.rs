@@ -478,7 +478,7 @@ fn assign_triangles(scene: &Scene, emitters: &[Emitter]) -> Vec<u32> {
 }
 
 /// Intensity of a lamp at strength 1 towards a unit direction in world space: what its profile measures there over the most
-/// it measures, else glTF's spot falloff `saturate(cosθ · scale + offset)²`, see [`spot_rise`].
+/// it measures, else glTF's spot falloff `saturate(cosθ · scale + offset)²`, see `spot_rise`.
 pub fn punctual_falloff(light: &PunctualLight, profiles: &[PhotometricProfile], toward: Vec3) -> f32 {
     if let Some(profile) = light.profile.and_then(|profile| profiles.get(profile as usize)) {
         let [x, y] = light.across.map(|axis| toward.dot(axis));
