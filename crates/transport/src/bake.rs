@@ -266,7 +266,7 @@ const FIRST_LOOK_TRACED: u32 = 4;
 /// Samples per half of the first pass of those that grow until a time is up.
 const FIRST_OF_GROWING: u32 = 4;
 
-/// Columns of a group that a preview for somebody who watches keeps as they were sampled, and bytes that they may take. Where a
+/// Columns of a group that a preview for somebody who watches keeps as they were sampled, and bytes that all of these may take. Where a
 /// lamp has less light than noise, a rank that holds no noise gives it that of the others, block by block: under that lamp alone
 /// the picture falls into squares.
 const LAMPS_APART: usize = 64;
@@ -743,15 +743,17 @@ impl BakeJob {
         }
     }
 
-    /// `column_scale` is that of the header: the light of the file comes out as it was sampled, whatever is truncated.
     /// Columns of a group up to which a preview keeps it as it was sampled.
     fn n_lamps_apart(&self) -> usize {
         // A number and its doubt, 16 bits each.
         let column_bytes = 4 * CHANNELS * self.film.n_pixels();
-        let is_watched = self.passes == Passes::Progressive;
-        if is_watched { LAMPS_APART.min(LAMPS_APART_BYTES / column_bytes.max(1)) } else { 0 }
+        let lens = || self.scene.lighting.basis.groups.iter().map(|group| group.columns.len());
+        let all_bytes = |most: usize| column_bytes * lens().filter(|len| *len <= most).sum::<usize>();
+        let fits = |most: &usize| all_bytes(*most) <= LAMPS_APART_BYTES;
+        if self.passes == Passes::Progressive { (0..=LAMPS_APART).rev().find(fits).unwrap_or(0) } else { 0 }
     }
 
+    /// `column_scale` is that of the header: the light of the file comes out as it was sampled, whatever is truncated.
     fn compress_config(&self, samples_per_half: u32, tolerance_db: f32, column_scale: &[f32]) -> CompressConfig {
         let file_light = self.scene.lighting.basis.file_light(column_scale);
         let tolerance = mean_square(tolerance_db);
@@ -958,18 +960,20 @@ impl Run<'_> {
         on_event(BakeEvent::Progress { pass, done, secs_left })
     }
 
-    /// How the blocks of a pass are compressed.
-    fn compression(&self, samples: Option<u32>, is_last: bool) -> CompressConfig {
-        let (job, header) = (self.job, &self.header);
+    /// How the blocks of a pass over a matrix are compressed.
+    fn compression(
+        &self,
+        (samples, is_last): (Option<u32>, bool),
+        column_scale: &[f32],
+        partition: &Partition,
+    ) -> CompressConfig {
+        let job = self.job;
         let tolerance_db = job.config.tolerance_of(samples);
-        let mut config = job.compress_config(samples.unwrap_or(1), tolerance_db, &header.column_scale);
+        let mut config = job.compress_config(samples.unwrap_or(1), tolerance_db, column_scale);
         if is_last {
-            config.smoothing = job.config.smooth.then(|| header.smoothing(&header.partition()));
+            config.smoothing = job.config.smooth.then(|| self.header.smoothing(partition));
         } else {
             config.method = Method::default();
-        }
-        if samples.is_none() {
-            config.verbatim = job.n_lamps_apart();
         }
         config
     }
@@ -1012,7 +1016,10 @@ impl Run<'_> {
                 Some(SharedMatrix { matrix, nodes })
             }
         };
-        let config = self.compression(samples, is_last);
+        let mut config = self.compression((samples, is_last), &header.column_scale, &partition);
+        if samples.is_none() {
+            config.verbatim = job.n_lamps_apart();
+        }
         let mut of_patches = PatchBlocks::none(&header);
         if is_last && self.patches(&mut of_patches, (0, blocks), (pass, clock.done()), on_event)?.is_break() {
             return Ok(ControlFlow::Break(()));

@@ -61,7 +61,7 @@ fn walls(scene: &PreparedScene, light: &PunctualLight, n_rays: u32) -> Option<BT
 }
 
 /// Directions evenly spread over the cone of a spot, and all around other lamps.
-fn directions(light: &PunctualLight, n_rays: u32) -> impl Iterator<Item = Vec3> {
+pub(crate) fn directions(light: &PunctualLight, n_rays: u32) -> impl Iterator<Item = Vec3> {
     const GOLDEN: f32 = 0.618_034;
     let (axis, end) = match light.kind {
         PunctualKind::Spot { outer_rad, .. } if light.profile.is_none() => (light.direction, outer_rad.cos()),

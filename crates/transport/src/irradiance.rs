@@ -3,7 +3,9 @@
 //! Each set of rows is a matrix of its own with the columns of the bake: scaled by its own peaks, compressed by the same
 //! blocks, with an error measured in the same way. Blocks are numbered through all matrices, those of the picture first.
 
-use clerestory_nystrom::{BlockLowRank, Partition};
+use std::sync::Arc;
+
+use clerestory_nystrom::{BlockFactors, BlockLowRank, Partition};
 use serde::{Deserialize, Serialize};
 
 use crate::bake::{Bake, BakeHeader};
@@ -180,6 +182,11 @@ impl Bake {
         });
         figures.collect()
     }
+}
+
+/// A block of all groups, if it is there.
+pub(crate) fn block_of(groups: &[BlockLowRank], block_idx: usize) -> Option<Vec<Arc<BlockFactors>>> {
+    groups.iter().map(|group| group.blocks[block_idx].clone()).collect()
 }
 
 /// Which matrix a block belongs to, and its number there; `None` beyond the last.

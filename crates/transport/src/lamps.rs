@@ -21,7 +21,7 @@ use crate::scene::PunctualKind;
 pub(crate) use self::body::{Body, BodyPoint};
 pub use self::frame::half_turn;
 pub use self::light::Lamp;
-pub(crate) use self::light::{Lit, Way};
+pub(crate) use self::light::{Lit, Through, Way};
 pub use self::prepared::{LampError, PreparedLamps};
 pub(crate) use self::prepared::{PreparedLamp, lattice};
 pub(crate) use self::units::lumen_per_candela;

@@ -142,6 +142,11 @@ impl LightRig {
         self.lamps.iter().map(lit).collect()
     }
 
+    /// Those of them that are not muted.
+    pub fn shining_lamps(&self) -> Vec<FreeLamp> {
+        self.lit_lamps().into_iter().filter(|lamp| !lamp.setting.muted).collect()
+    }
+
     /// Takes the free lamps out, set by themselves and by their groups, for whoever makes lights of the scene of them: what
     /// is left does not set them once more.
     pub fn take_lamps(&mut self) -> Vec<FreeLamp> {

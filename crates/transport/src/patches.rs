@@ -233,4 +233,4 @@ fn patch_irradiance(samples: &[PatchSample], irradiance: &(dyn Fn(&PatchSample) 
 }
 
 /// Turns from point to point of a sunflower, which fill a disk evenly \[Vogel1979\]; radians.
-const GOLDEN_ANGLE: f32 = 2.399_963_2;
+pub(crate) const GOLDEN_ANGLE: f32 = 2.399_963_2;

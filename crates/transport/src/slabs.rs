@@ -160,15 +160,17 @@ impl Slabs {
 
     /// Whether a triangle is of a slab's face.
     pub(crate) fn has(&self, triangle: u32) -> bool {
-        self.faces.get(triangle as usize).is_some_and(|&(slab, _)| slab != NONE)
+        self.face_of(triangle).is_some()
+    }
+
+    /// Slab and face of a triangle, if it is of one.
+    fn face_of(&self, triangle: u32) -> Option<(u32, Face)> {
+        self.faces.get(triangle as usize).copied().filter(|&(slab, _)| slab != NONE)
     }
 
     /// Takes a walk through a triangle that let it pass; false where that is not the way through a slab.
     pub(crate) fn pass(&self, passage: &mut Passage, triangle: u32) -> bool {
-        match self.faces.get(triangle as usize) {
-            Some(&(slab, face)) if slab != NONE => passage.pass(slab, face),
-            _ => false,
-        }
+        self.face_of(triangle).is_some_and(|(slab, face)| passage.pass(slab, face))
     }
 }
 

@@ -15,7 +15,7 @@ use clerestory_nystrom::{BlockFactors, Partition};
 use super::header::{Blocks, header_bytes, parse_header};
 use super::{ArchiveError, Restart, at, damaged, read_block};
 use crate::bake::BakeHeader;
-use crate::irradiance::locate;
+use crate::irradiance::{block_of, locate};
 
 pub(super) const MAGIC: &[u8; 8] = b"CLERPAR2";
 /// Of programs whose records had no checksum of their own.
@@ -195,8 +195,7 @@ pub(super) fn read_records(bytes: &[u8], mut offset: usize, seal: Seal, header: 
         let Ok(len) = read_block(blocks, groups, block_idx) else { break };
         let Some(end) = offset.checked_add(INDEX_LEN).and_then(|end| end.checked_add(len)) else { break };
         let Some(end) = sealed_end(bytes, offset..end, seal) else { break };
-        let factors: Option<Vec<_>> = groups.iter().map(|g| g.blocks[block_idx].clone()).collect();
-        let Some(factors) = factors else { break };
+        let Some(factors) = block_of(groups, block_idx) else { break };
         done.push((number, factors));
         offset = end;
     }

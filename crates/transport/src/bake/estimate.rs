@@ -158,8 +158,10 @@ impl BakeJob {
             for own in of_irradiance.iter().filter(|own| own.follows == nth as u32) {
                 let partition = &partitions[1 + own.set];
                 let blocks = spread(partition.n_blocks(), n_tried);
-                let tried =
-                    try_blocks(budget, focus, |mut on_event| run.irradiance(own, &blocks, &mut clock, &mut on_event));
+                let mut preview = run.empty_preview(own);
+                let tried = try_blocks(budget, focus, |mut on_event| {
+                    run.trace_irradiance(own, &blocks, &mut preview, &mut clock, &mut on_event)
+                });
                 let Some(watch) = tried? else { return Ok(None) };
                 secs += watch.secs_for(partition.n_blocks(), self.scales());
                 // Noise leaves a preview as it leaves that of the picture.

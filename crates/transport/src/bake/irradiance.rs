@@ -6,7 +6,6 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use clerestory_nystrom::rivals::Method;
 use clerestory_nystrom::{BlockFactors, BlockLowRank, Denoiser, Guide, Likeness, compress_by};
 
 use super::clock::Clock;
@@ -16,7 +15,7 @@ use super::patches::PatchBlocks;
 use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Indirect, Passes, Run};
 use crate::figures::error_db;
 use crate::guides::Guides;
-use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
+use crate::irradiance::{IrradianceHeader, IrradianceRows, block_of, locate};
 use crate::matrix::CHANNELS;
 use crate::nodes::Nodes;
 use crate::plan::{Density, MatrixPlan};
@@ -117,8 +116,7 @@ impl BakeJob {
             let groups = &run.matrices[0][..run.n_own()];
             for (matrix, groups) in run.matrices.iter().enumerate() {
                 for block_idx in 0..partitions[matrix].n_blocks() {
-                    let factors: Option<Vec<_>> = groups.iter().map(|group| group.blocks[block_idx].clone()).collect();
-                    factors.map_or(ControlFlow::Continue(()), |factors| {
+                    block_of(groups, block_idx).map_or(ControlFlow::Continue(()), |factors| {
                         on_event(BakeEvent::of_block(last, (matrix, block_idx), factors))
                     })?;
                 }
@@ -196,8 +194,7 @@ impl Run<'_> {
         clock: &mut Clock,
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
-        let mut preview = self.header.empty_matrices().swap_remove(1 + own.set);
-        preview.truncate(self.n_own());
+        let mut preview = self.empty_preview(own);
         let flow = self.trace_irradiance(own, blocks, &mut preview, clock, on_event)?;
         let is_grainy = own.samples.is_none() && !blocks.is_empty();
         if flow.is_break() || !is_grainy || !self.is_denoised(false) {
@@ -209,6 +206,16 @@ impl Run<'_> {
         })
     }
 
+    /// Where the blocks of a preview are kept; empty where the pass is none.
+    pub(super) fn empty_preview(&self, own: &IrradiancePass) -> Vec<BlockLowRank> {
+        let mut preview = match own.samples {
+            None => self.header.empty_matrices().swap_remove(1 + own.set),
+            Some(_) => Vec::new(),
+        };
+        preview.truncate(self.n_own());
+        preview
+    }
+
     /// A preview of irradiance, noise taken out as of that of the picture; `None` if nobody wants it any more.
     fn with_less_grain(&mut self, set: usize, preview: &[BlockLowRank]) -> Option<Vec<Denoised>> {
         let (job, focus, header) = (self.job, self.focus, self.header.clone());
@@ -218,15 +225,11 @@ impl Run<'_> {
         let denoiser =
             Denoiser { partition: &partition, bundle_len: CHANNELS, preserved, likeness: &Arriving(&guides) };
         let groups = denoiser.all(preview, &|| !focus.is_left())?;
-        let block = |block_idx: usize| {
-            let factors: Option<Vec<_>> = groups.iter().map(|group| group.blocks[block_idx].clone()).collect();
-            Some((block_idx, factors?))
-        };
-        Some((0..partition.n_blocks()).filter_map(block).collect())
+        Some((0..partition.n_blocks()).filter_map(|idx| Some((idx, block_of(&groups, idx)?))).collect())
     }
 
     /// The blocks of a preview are kept in `preview` alone.
-    fn trace_irradiance(
+    pub(super) fn trace_irradiance(
         &mut self,
         own: &IrradiancePass,
         blocks: &[u32],
@@ -267,17 +270,13 @@ impl Run<'_> {
             return Ok(ControlFlow::Break(()));
         }
         let partition = header.partitions().swap_remove(1 + own.set);
-        let tolerance_db = job.config.tolerance_of(own.samples);
-        let mut config = job.compress_config(own.samples.unwrap_or(1), tolerance_db, column_scale);
+        let config = self.compression((own.samples, own.samples.is_some()), column_scale, &partition);
         let mut of_patches = PatchBlocks::dark(&header, &partition);
         if own.samples.is_some() {
-            config.smoothing = job.config.smooth.then(|| header.smoothing(&partition));
             let done = (pass, clock.done());
             if self.patches(&mut of_patches, (1 + own.set, blocks), done, on_event)?.is_break() {
                 return Ok(ControlFlow::Break(()));
             }
-        } else {
-            config.method = Method::default();
         }
         clock.start_pass(own.timed_as, self.started.elapsed().as_secs_f32());
         let guide = Guide { goes_on: &|| !focus.is_left(), ..Guide::default() };

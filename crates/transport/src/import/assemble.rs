@@ -275,7 +275,7 @@ pub(super) fn note_instances(
     let mut instanced = BTreeMap::new();
     for (placed, node_idx) in placed.iter().zip(indices).filter(|(placed, _)| placed.visible) {
         let node = &reader.document.nodes[placed.index];
-        let n_instances = instancing(node).map_or(1, |instancing| hierarchy::n_instances(reader, instancing));
+        let n_instances = n_copies(reader, node);
         if let Some(node_idx) = node_idx.filter(|_| n_instances > 1) {
             instanced.insert(node_idx, (called("node", placed.index, node.name.as_ref()), n_instances));
         }

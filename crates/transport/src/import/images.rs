@@ -69,11 +69,16 @@ pub(super) fn decode(
     let instead = |sources: &Vec<usize>| if seen.contains(sources) { CHECKERBOARD } else { LEFT_OUT };
     let name_of =
         |index: usize| called("image", index, document.images.get(index).and_then(|image| image.name.as_ref()));
-    let sizes: Vec<[u32; 2]> = wanted
+    let sizes: Vec<Option<[u32; 2]>> = wanted
         .par_iter()
-        .filter_map(|sources| sources.iter().find_map(|&index| size_of(document, index, buffers, locator)))
+        .map(|sources| sources.iter().find_map(|&index| size_of(document, index, buffers, locator)))
         .collect();
-    let room = Room { side: side_within(&sizes, MAX_TEXELS), large: Mutex::default() };
+    let of_sources = |sources: &Vec<usize>| wanted.binary_search(&sources).expect("every source is wanted");
+    // A map of gloss is an image of its own, whoever else shows what it is made of.
+    let of_gloss = textures.iter().zip(&sources).filter(|(used, _)| used.glossiness.is_some());
+    let kept = sizes.iter().copied().chain(of_gloss.map(|(_, sources)| sizes[of_sources(sources)]));
+    let kept: Vec<[u32; 2]> = kept.flatten().collect();
+    let room = Room { side: side_within(&kept, MAX_TEXELS), large: Mutex::default() };
     let first_readable = |sources: &&Vec<usize>| {
         let mut notes = Notes::default();
         for (&index, next) in sources.iter().zip(1..) {
@@ -88,7 +93,7 @@ pub(super) fn decode(
         }
         (None, notes)
     };
-    let n_smaller = sizes.iter().filter(|&&size| shrunk(size, room.side) != size).count();
+    let n_smaller = sizes.iter().flatten().filter(|&&size| shrunk(size, room.side) != size).count();
     if n_smaller > 0 {
         notes.warn(format!(
             "{n_smaller} images are shown smaller, with sides of at most {} texels: all images of the file together have more than {MAX_TEXELS}",
@@ -106,7 +111,7 @@ pub(super) fn decode(
         if sources.is_empty() {
             notes.warn(format!("texture {} has no image: {}", used.index, instead(sources)));
         }
-        let image = &images[wanted.binary_search(&sources).expect("every source is wanted")];
+        let image = &images[of_sources(sources)];
         if image.is_none() {
             missing.insert(place);
         }

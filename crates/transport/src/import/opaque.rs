@@ -10,13 +10,12 @@ pub(super) fn settle(scene: &mut Scene) {
     }
     let of_vertices = least_of_vertices(scene);
     for (material, of_vertices) in scene.materials.iter_mut().zip(of_vertices) {
-        let least = material.base_color.w * of_vertices * least_of_texture(material, &scene.textures);
-        let is_whole = match material.alpha {
-            AlphaMode::Opaque => true,
-            AlphaMode::Mask { cutoff } => least >= cutoff,
-            AlphaMode::Blend => least >= 1.0,
+        let needed = match material.alpha {
+            AlphaMode::Opaque => continue,
+            AlphaMode::Mask { cutoff } => cutoff,
+            AlphaMode::Blend => 1.0,
         };
-        if is_whole {
+        if material.base_color.w * of_vertices * least_of_texture(material, &scene.textures) >= needed {
             material.alpha = AlphaMode::Opaque;
         }
     }

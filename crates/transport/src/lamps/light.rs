@@ -8,9 +8,8 @@ use super::body::{Body, BodyPoint, in_cone};
 use super::rectangle::SeenRectangle;
 use crate::emitters::punctual_falloff;
 use crate::photometry::PhotometricProfile;
-use crate::prepared::PreparedScene;
 use crate::scene::PunctualLight;
-use crate::slabs::Route;
+use crate::slabs::{Route, Slabs};
 
 /// A free lamp at emission 1: 1 cd along the axis, 1 lx or 1 nit.
 #[derive(Clone, Debug)]
@@ -56,6 +55,15 @@ pub(crate) struct Way {
     pub route: Route,
     /// Where it ends, m; `None` for light from far away.
     pub end: Option<Vec3>,
+}
+
+/// What is to know of the light that comes to a place through slabs.
+#[derive(Default)]
+pub(crate) struct Through {
+    /// The first one on the way.
+    pub first: Option<u32>,
+    /// `None` where it carries nothing whatever lies on it.
+    pub way: Option<Way>,
 }
 
 /// A lamp without size has this one next to it: closer than that it is not brighter, m.
@@ -129,26 +137,42 @@ impl Lamp {
         }
     }
 
-    /// The way from a place to the point of the lamp that [`Lamp::point`] takes, through the slabs in between; `None` where there
-    /// are none.
-    #[inline]
-    pub(crate) fn way(&self, scene: &PreparedScene, position: Vec3, u: Vec2, far: f32) -> Option<Way> {
-        let slabs = &scene.slabs;
+    /// The way from a place to the point of the lamp that [`Lamp::point`] takes, through the slabs in between; `may_arrive` tells
+    /// whether light from a direction counts at the place.
+    pub(crate) fn through(
+        &self,
+        slabs: &Slabs,
+        (position, far): (Vec3, f32),
+        u: Vec2,
+        may_arrive: impl Fn(Vec3) -> bool,
+    ) -> Through {
+        let nothing = Through::default();
         if slabs.is_empty() {
-            return None;
+            return nothing;
         }
         if let Form::Distant(direction) = self.form {
-            return Some(Way { route: slabs.route_beyond(position, -direction, far)?, end: None });
+            let route = may_arrive(-direction).then(|| slabs.route_beyond(position, -direction, far)).flatten();
+            let first = route.as_ref().and_then(|route| route.slabs().first().copied());
+            return Through { first, way: route.map(|route| Way { route, end: None }) };
         }
-        let end = self.point(u)?.position;
-        Some(Way { route: slabs.route(position, end)?, end: Some(end) })
+        let body = self.body();
+        if body.is_some_and(|body| slabs.are_beside(position, body.ball())) {
+            return nothing;
+        }
+        let Some(end) = self.point(u) else { return nothing };
+        let Some(way) = slabs.way(position, end.position) else { return nothing };
+        // Half of the ways leave a surface or a lamp to the wrong side, which costs less to know than how they are bent.
+        let may_carry = slabs.bounds(&way).is_none_or(|bounds| {
+            bounds.iter().any(|wi| may_arrive(*wi))
+                && (body.is_none() || bounds.iter().any(|wi| wi.dot(end.normal) < 0.0))
+        });
+        let route = may_carry.then(|| slabs.bent(&way)).flatten();
+        Through { first: Some(way.first()), way: route.map(|route| Way { route, end: Some(end.position) }) }
     }
 
     /// What the point at the end of a way sends to the place where it begins.
     pub(crate) fn lit_along(&self, way: &Way, position: Vec3, u: Vec2, far: f32) -> Option<Lit> {
-        // From there the lamp looks, without slabs, as it does from here through them.
-        let eye = way.end.map_or(position, |end| end - way.route.direction / way.route.closeness.sqrt());
-        self.lit(eye, u, far)
+        self.lit(way.end.map_or(position, |end| way.route.eye(end)), u, far)
     }
 
     /// The body, if there is one to be seen.

@@ -193,7 +193,7 @@ impl PreparedLamp {
         let n_points = if self.lamp.body().is_some() { n_points } else { 1 };
         let of_point = |nth: usize| {
             let u = lattice(nth as u32);
-            let way = self.lamp.way(scene, position, u, far)?;
+            let way = self.lamp.through(&scene.slabs, (position, far), u, |wi| wi.dot(normal) > 0.0).way?;
             let lit = self.lamp.lit_along(&way, position, u, far)?;
             let cos = lit.wi.dot(normal);
             let value = lit.factor * cos * response(cos);

@@ -15,7 +15,7 @@ use crate::patches::PatchSample;
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
 use crate::sampler::{Sampler, uniform_sphere};
-use crate::scene::{AlphaMode, Encoding, Finish, Material};
+use crate::scene::{AlphaMode, Encoding, Finish, Material, PunctualKind};
 use crate::sky::{Environment, SkyForm, SkyLight, Sun};
 use crate::slabs::hidden;
 
@@ -189,7 +189,7 @@ fn a_way_is_bent_between_straight_on_and_all_of_it_in_air() {
     for [from, to] in (0..10_000).map(around) {
         let Some(way) = slabs.way(from, to) else { continue };
         let Some(route) = slabs.bent(&way) else { continue };
-        let [straight, steep] = way.bounds().unwrap().map(Vec3::normalize);
+        let [straight, steep] = slabs.bounds(&way).unwrap().map(Vec3::normalize);
         let least = straight.dot(steep) - 1e-5;
         let (a, b) = (straight.dot(route.direction), steep.dot(route.direction));
         assert!(a >= least && b >= least, "{from} to {to}: {a}, {b}, {least}");
@@ -272,6 +272,17 @@ fn lamps_in_glass_of_other_shapes_are_named() {
     let none: [String; 0] = [];
     assert_eq!(hidden(Vec3::new(1.0, 0.05, 1.0), Vec3::Y * 2.0, glass()), none, "a slab");
     assert_eq!(hidden(Vec3::splat(0.3), Vec3::Y, Material { roughness: 0.3, ..glass() }), none, "rough");
+}
+
+#[test]
+fn a_narrow_spot_into_a_block_of_glass_is_named() {
+    let corners = block(Vec3::Y, Vec3::splat(0.3), Quat::IDENTITY);
+    let stage = floor(lambert(ALBEDO, 0.0)).surface("body", &corners, glass()).lamp("spot", Vec3::Y * 2.0, 1.0);
+    let mut scene = stage.into_scene();
+    let kind = PunctualKind::Spot { inner_rad: 0.0, outer_rad: 0.01 };
+    (scene.punctual[0].kind, scene.punctual[0].direction) = (kind, Vec3::new(0.01, -1.0, 0.02).normalize());
+    let found = hidden::warnings(&PreparedScene::new(scene, &[]).unwrap().0);
+    assert!(found.len() == 1 && found[0].contains("`spot` sends 100 %"), "{found:?}");
 }
 
 #[test]

@@ -28,9 +28,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         }
         let target = straight.map(|light| light.target).or_else(|| self.point_on(column, u))?;
         let route = slabs.route(position, target).filter(may_pass)?;
-        // From there the light looks, without slabs, as it does from here through them.
-        let eye = target - route.direction / route.closeness.sqrt();
-        Some((self.light_point(column, eye, u)?, route))
+        Some((self.light_point(column, route.eye(target), u)?, route))
     }
 
     /// The point of a light of finite distance that [`Integrator::light_point`] takes, wherever it is seen from.

@@ -9,6 +9,8 @@ use crate::basis::{LightSource, SourceKind};
 use crate::bsdf;
 use crate::bvh::Ray;
 use crate::emitters::{Emitter, punctual_falloff};
+use crate::enclosed::directions;
+use crate::patches::GOLDEN_ANGLE;
 use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::{Material, PunctualKind, PunctualLight, Scene};
@@ -22,26 +24,22 @@ const CLEAR: f32 = 1e-5;
 
 /// Whether a scene has glass, mirrors or coats that may hide light.
 fn may_hide(scene: &Scene) -> bool {
+    // Roughness may be one of many texels: it is asked for last.
     let hides = |m: &Material| {
-        let is_smooth = !m.is_stretched() && bsdf::is_mirror(bsdf::least_roughness(m, &scene.textures));
-        !m.unlit && (is_smooth || m.finish.as_ref().is_some_and(|finish| finish.clearcoat > 0.0))
+        let is_smooth = || !m.is_stretched() && bsdf::is_mirror(bsdf::least_roughness(m, &scene.textures));
+        !m.unlit && (m.finish.as_ref().is_some_and(|finish| finish.clearcoat > 0.0) || is_smooth())
     };
     scene.materials.iter().any(hides)
 }
 
-/// Whether glass bends what passes into one direction alone, whatever coats or waves are on it, where it is that rough.
-fn bends_smoothly(material: &Material, roughness: impl FnOnce() -> f32) -> bool {
-    bends(material) && !material.is_stretched() && bsdf::is_mirror(roughness())
-}
-
-/// Share of the light that smooth glass other than a slab takes in; 0 of what is none.
+/// Share of the light that smooth glass other than a slab takes in, whatever coats or waves are on it; 0 of what is none.
 fn bent(scene: &PreparedScene, hit: &SurfaceHit) -> f32 {
-    if !bends(scene.material(hit.triangle)) || scene.slabs.has(hit.triangle) {
+    let material = scene.material(hit.triangle);
+    if !bends(material) || material.is_stretched() || scene.slabs.has(hit.triangle) {
         return 0.0;
     }
     let params = scene.appearance(hit).params;
-    let is_smooth = bends_smoothly(scene.material(hit.triangle), || params.roughness);
-    if is_smooth { (1.0 - params.metallic) * params.transmission } else { 0.0 }
+    if bsdf::is_mirror(params.roughness) { (1.0 - params.metallic) * params.transmission } else { 0.0 }
 }
 
 /// Shares of light of a direction that a smooth metal, and a smooth coat, throw on; 0 of what is none, and of glass.
@@ -58,10 +56,13 @@ fn thrown(scene: &PreparedScene, hit: &SurfaceHit, direction: Vec3) -> [f32; 2] 
 
 /// A warning for each light of which more than a little is hidden.
 pub(crate) fn warnings(scene: &PreparedScene) -> Vec<String> {
-    if !may_hide(&scene.scene) {
+    let lights = scene.lighting.emitters.iter().zip(&scene.lighting.basis.sources);
+    let may_be_hidden = |(emitter, source): (&Emitter, &LightSource)| {
+        matches!((emitter, source.kind), (Emitter::Punctual(_), _) | (Emitter::Sun(_), SourceKind::Sun { .. }))
+    };
+    if !lights.clone().any(may_be_hidden) || !may_hide(&scene.scene) {
         return Vec::new();
     }
-    let lights = scene.lighting.emitters.iter().zip(&scene.lighting.basis.sources);
     let words = lights.flat_map(|(emitter, source)| match (emitter, source.kind) {
         (Emitter::Punctual(light), _) => of_lamp(source, missing(scene, &Sender::of(light))),
         (Emitter::Sun(sun), SourceKind::Sun { .. }) => of_sun(source, missing(scene, &Sender::Far(-sun.direction))),
@@ -130,26 +131,29 @@ impl Sender<'_> {
         }
     }
 
-    /// One of some rays, and how much it carries.
-    fn ray(&self, scene: &PreparedScene, nth: u32) -> Option<(Ray, f32)> {
-        let (sin, cos) = (nth as f32 * 2.399_963_2).sin_cos();
-        let along = (nth as f32 + 0.5) / DIRECTIONS as f32;
+    /// Some of its rays, and how much each carries.
+    fn rays(&self, scene: &PreparedScene) -> Vec<(Ray, f32)> {
         let ray = |origin, direction| Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
         match *self {
             Sender::Far(direction) => {
                 // A sunflower across all surfaces. [Vogel1979]
-                let (low, high) = scene.scene.mesh.bounds()?;
+                let Some((low, high)) = scene.scene.mesh.bounds() else { return Vec::new() };
                 let (middle, radius) = (0.5 * (low + high), 0.5 * low.distance(high));
                 let (x, y) = direction.any_orthonormal_pair();
-                let place = middle + (x * cos + y * sin) * (radius * along.sqrt());
-                Some((ray(place - direction * (2.0 * radius), direction), 1.0))
+                let of_place = |nth: u32| {
+                    let (sin, cos) = (nth as f32 * GOLDEN_ANGLE).sin_cos();
+                    let along = (nth as f32 + 0.5) / DIRECTIONS as f32;
+                    let place = middle + (x * cos + y * sin) * (radius * along.sqrt());
+                    (ray(place - direction * (2.0 * radius), direction), 1.0)
+                };
+                (0..DIRECTIONS).map(of_place).collect()
             }
             Sender::Near(light) => {
-                // A spiral from pole to pole, evenly wound.
-                let y = 1.0 - 2.0 * along;
-                let direction = Vec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + Vec3::Y * y;
-                let intensity = punctual_falloff(light, &scene.scene.profiles, direction);
-                (intensity > 0.0).then(|| (ray(light.position, direction), intensity))
+                let of_direction = |direction| {
+                    let intensity = punctual_falloff(light, &scene.scene.profiles, direction);
+                    (intensity > 0.0).then(|| (ray(light.position, direction), intensity))
+                };
+                directions(light, DIRECTIONS).filter_map(of_direction).collect()
             }
         }
     }
@@ -176,8 +180,7 @@ enum Met {
 
 fn missing(scene: &PreparedScene, sender: &Sender<'_>) -> Missing {
     let (mut missing, mut all) = (Missing::default(), 0.0);
-    for nth in 0..DIRECTIONS {
-        let Some((ray, intensity)) = sender.ray(scene, nth) else { continue };
+    for (nth, (ray, intensity)) in (0..).zip(sender.rays(scene)) {
         let met = met(scene, ray, nth);
         // Of light from far away only what meets the scene counts.
         all += if matches!((&met, sender), (Met::Nothing, Sender::Far(_))) { 0.0 } else { intensity };

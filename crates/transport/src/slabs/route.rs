@@ -2,7 +2,7 @@
 
 use glam::{Mat2, Vec2, Vec3};
 
-use super::{Bounds, Face, Facet, IN_A_ROW, MOST_ASIDE, NONE, PARALLEL, Slab, Slabs};
+use super::{Bounds, Face, Facet, IN_A_ROW, MOST_ASIDE, PARALLEL, Slab, Slabs};
 use crate::bsdf::SurfaceParams;
 
 /// Steps of Newton's method: quadratic from the near side, so that these reach single precision from any start.
@@ -69,8 +69,6 @@ pub(crate) struct Way {
     ends: [Vec3; 2],
     /// What it may go through, and what of that the segment does.
     rows: [Row; 2],
-    /// `None` where they are not parallel.
-    layers: Option<Layers>,
 }
 
 /// Parallel slabs between two points.
@@ -91,20 +89,30 @@ impl Way {
         let [all, straight] = &self.rows;
         if straight.n > 0 { straight.slabs[0] } else { all.slabs[0] }
     }
-
-    /// Two vectors that the direction of the path lies between: straight on, and as if it got aside outside of the glass alone; `None`
-    /// where nothing is known about it.
-    pub(crate) fn bounds(&self) -> Option<[Vec3; 2]> {
-        let Layers { normal, glass, air, aside } = self.layers?;
-        let steep = normal * air + aside;
-        Some([steep + normal * glass, steep])
-    }
 }
 
 impl Route {
     /// Slabs on the way, in order.
     pub(crate) fn slabs(&self) -> &[u32] {
         self.row.slabs()
+    }
+
+    /// A place from which, without slabs, a light at the end looks as it does from the beginning through them.
+    pub(crate) fn eye(&self, end: Vec3) -> Vec3 {
+        end - self.direction / self.closeness.sqrt()
+    }
+
+    /// In a direction, through nothing yet.
+    fn along(direction: Vec3) -> Route {
+        Route { row: Row::default(), points: Default::default(), direction, closeness: 1.0 }
+    }
+
+    /// Goes on through a slab that is entered at a place; where it leaves that. `None` where it goes through no more.
+    fn pass(&mut self, idx: u32, slab: &Slab, into: Vec3) -> Option<Vec3> {
+        let (nth, out) = (self.row.n, slab.through(into, self.direction));
+        self.row.push(idx)?;
+        self.points[nth] = [into, out];
+        Some(out)
     }
 }
 
@@ -117,8 +125,15 @@ impl Slabs {
     /// What lies on the straight way between two points; `None` where [`Slabs::route`] finds nothing because of it.
     pub(crate) fn way(&self, from: Vec3, to: Vec3) -> Option<Way> {
         let ends = [from, to];
-        let rows = self.met(ends)?;
-        Some(Way { ends, rows, layers: self.layers(rows[0].slabs(), ends) })
+        Some(Way { ends, rows: self.met(ends)? })
+    }
+
+    /// Two vectors that the direction of a way's path lies between: straight on, and as if it got aside outside of the glass alone;
+    /// `None` where nothing is known about it.
+    pub(crate) fn bounds(&self, way: &Way) -> Option<[Vec3; 2]> {
+        let Layers { normal, glass, air, aside } = self.layers(way.rows[0].slabs(), way.ends)?;
+        let steep = normal * air + aside;
+        Some([steep + normal * glass, steep])
     }
 
     /// The path that a way is bent to; `None` where it goes through no slab, or grazes one.
@@ -137,15 +152,14 @@ impl Slabs {
     /// The path from a point in a direction through the slab alone whose face a triangle is of; `None` where it is of none, and
     /// from within the glass.
     pub(crate) fn route_through(&self, triangle: u32, from: Vec3, direction: Vec3) -> Option<Route> {
-        let &(idx, face) = self.faces.get(triangle as usize).filter(|&&(slab, _)| slab != NONE)?;
+        let (idx, face) = self.face_of(triangle)?;
         let slab = &self.slabs[idx as usize];
         if slab.first_face(direction) != face {
             return None;
         }
         let into = from + direction * slab.entered(from, direction)?;
-        let mut route = Route { row: Row::default(), points: Default::default(), direction, closeness: 1.0 };
-        route.row.push(idx)?;
-        route.points[0] = [into, slab.through(into, direction)];
+        let mut route = Route::along(direction);
+        route.pass(idx, slab, into)?;
         Some(route)
     }
 
@@ -179,8 +193,8 @@ impl Slabs {
 
     /// Where light leaves the slab that it enters by a triangle at a place; `None` by its rim, or from within.
     pub(crate) fn behind(&self, triangle: u32, place: Vec3, direction: Vec3) -> Option<Vec3> {
-        let &(slab, face) = self.faces.get(triangle as usize)?;
-        let slab = self.slabs.get(slab as usize)?;
+        let (idx, face) = self.face_of(triangle)?;
+        let slab = &self.slabs[idx as usize];
         if slab.first_face(direction) != face || slab.normal.dot(direction).abs() < LEAST_COS {
             return None;
         }
@@ -329,7 +343,7 @@ impl Slabs {
 
     /// The path from the first of two points in a direction through the slabs on it between both; `None` where there are too many.
     fn followed(&self, ends: [Vec3; 2], direction: Vec3) -> Option<Route> {
-        let mut route = Route { row: Row::default(), points: Default::default(), direction, closeness: 1.0 };
+        let mut route = Route::along(direction);
         let (mut at, reach) = (ends[0], direction * ends[0].distance(ends[1]));
         loop {
             let mut next: Option<(f32, u32)> = None;
@@ -343,10 +357,7 @@ impl Slabs {
                 }
             });
             let Some((t, idx)) = next else { return Some(route) };
-            let (into, nth) = (at + direction * t, route.row.n);
-            route.row.push(idx)?;
-            at = self.slabs[idx as usize].through(into, direction);
-            route.points[nth] = [into, at];
+            at = route.pass(idx, &self.slabs[idx as usize], at + direction * t)?;
         }
     }
 }

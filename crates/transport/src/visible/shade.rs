@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::Band;
 use super::point::{Point, Special};
-use crate::lamps::{BodyPoint, Lit, PreparedLamp, PreparedLamps, Way, lattice};
+use crate::lamps::{BodyPoint, Lit, PreparedLamp, PreparedLamps, Through, Way, lattice};
 use crate::light::luminance;
 use crate::path::passed_along;
 use crate::prepared::PreparedScene;
@@ -21,15 +21,6 @@ pub(super) struct Shading<'a> {
     scene: &'a PreparedScene,
     lamps: &'a PreparedLamps,
     far: f32,
-}
-
-/// What is to know of the light that comes through slabs.
-#[derive(Default)]
-struct Through {
-    /// The first one on the way.
-    slab: Option<u32>,
-    /// `None` where it carries nothing whatever lies on it.
-    bent: Option<Way>,
 }
 
 /// Shadow rays of a group to a point that they share.
@@ -86,8 +77,10 @@ impl<'a> Shading<'a> {
         let mut n_rays = 0;
         for (nth, point) in group.iter().enumerate().filter(|(_, point)| is_wanted(point.pixel)) {
             let at = (point.pixel - first) as usize;
-            let Through { slab, bent } = self.through(point, lamp, spread(u, nth)).unwrap_or_default();
-            if let Some(passed) = bent.and_then(|bent| self.along((point, specials), lamp, spread(u, nth), &bent)) {
+            let (slabs, from) = (&self.scene.slabs, (point.position, self.far));
+            let may_send = |wi| point.may_send(point.normal(), wi);
+            let Through { first: slab, way } = lamp.lamp.through(slabs, from, spread(u, nth), may_send);
+            if let Some(passed) = way.and_then(|way| self.along((point, specials), lamp, spread(u, nth), &way)) {
                 n_rays += 1;
                 pixels[at] += passed;
             }
@@ -97,7 +90,6 @@ impl<'a> Shading<'a> {
                 None => lamp.lamp.lit_well(point.position, spread(u, nth), self.far),
             };
             let Some(lit) = lit else { continue };
-            let slabs = &self.scene.slabs;
             if slab.is_some_and(|slab| slabs.is_in_between(slab, [point.position, lit.target])) {
                 continue;
             }
@@ -149,33 +141,6 @@ impl<'a> Shading<'a> {
         }
         let value = point.throughput * point.lit(self.scene, specials, ng, lit.wi) * lamp.emission * lit.factor;
         (luminance(value) > 0.0).then_some(value)
-    }
-
-    /// The way from a point to one of a lamp through the slabs in between; `None` where there are none.
-    fn through(&self, point: &Point, lamp: &PreparedLamp, u: Vec2) -> Option<Through> {
-        let (slabs, far, position) = (&self.scene.slabs, self.far, point.position);
-        if slabs.is_empty() {
-            return None;
-        }
-        if lamp.lamp.is_beyond() {
-            let wi = lamp.lamp.lit_well(position, u, far)?.wi;
-            let route = point.may_send(point.normal(), wi).then(|| slabs.route_beyond(position, wi, far))??;
-            return Some(Through { slab: route.slabs().first().copied(), bent: Some(Way { route, end: None }) });
-        }
-        let body = lamp.lamp.body();
-        if body.is_some_and(|body| slabs.are_beside(position, body.ball())) {
-            return None;
-        }
-        let end = lamp.lamp.point(u)?;
-        let way = slabs.way(position, end.position)?;
-        // Half of the ways leave a surface or a lamp to the wrong side, which costs less to know than how they are bent.
-        let ng = point.normal();
-        let may_carry = way.bounds().is_none_or(|bounds| {
-            let may_send = bounds.iter().any(|wi| point.may_send(ng, *wi));
-            may_send && (body.is_none() || bounds.iter().any(|wi| wi.dot(end.normal) < 0.0))
-        });
-        let bent = may_carry.then(|| slabs.bent(&way)).flatten();
-        Some(Through { slab: Some(way.first()), bent: bent.map(|route| Way { route, end: Some(end.position) }) })
     }
 
     /// The light of a lamp at a point along a way; `None` where the lamp sends none there, or the point none to its pixel.

@@ -33,8 +33,8 @@ pub(super) fn entries(folder: &Path) -> Result<Vec<Entry>, StackError> {
     let mut entries = Vec::new();
     for (name, path) in found {
         // A pipe would be waited for when it is opened. What is not there any more is named when it is read.
-        let is_no_file = fs::metadata(&path).is_ok_and(|there| !there.is_file());
-        if !is_picture(&name) || is_no_file {
+        let is_no_file = || fs::metadata(&path).is_ok_and(|there| !there.is_file());
+        if !is_picture(&name) || is_no_file() {
             entries.push(Entry::Other(name));
             continue;
         }

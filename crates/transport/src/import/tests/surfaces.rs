@@ -2,7 +2,7 @@ use std::io::Cursor;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::fixture::Fixture;
 use crate::basis::SourceKind;
@@ -15,6 +15,14 @@ fn png() -> Vec<u8> {
     let mut out = Cursor::new(Vec::new());
     pixels.write_to(&mut out, image::ImageFormat::Png).expect("memory takes it");
     out.into_inner()
+}
+
+/// A triangle and the first texture, of an image.
+fn with_image(image: Value) -> Fixture {
+    let mut fixture = Fixture::triangle();
+    fixture.root["images"] = json!([image]);
+    fixture.root["textures"] = json!([{"source": 0}]);
+    fixture
 }
 
 #[test]
@@ -139,9 +147,7 @@ fn an_image_that_cannot_be_had_becomes_a_checkerboard() {
     let broken =
         [json!({"uri": "nowhere.png"}), json!({"uri": "data:image/png;base64,AAAA"}), json!({"bufferView": 77})];
     for image in broken {
-        let mut fixture = Fixture::triangle();
-        fixture.root["images"] = json!([image]);
-        fixture.root["textures"] = json!([{"source": 0}]);
+        let fixture = with_image(image);
         let imported = fixture.material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})).load();
         assert_eq!(imported.scene.textures[0].image.texels[0], [255, 0, 255, 255]);
         let [line] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
@@ -151,9 +157,7 @@ fn an_image_that_cannot_be_had_becomes_a_checkerboard() {
 
 #[test]
 fn of_other_maps_that_cannot_be_had_nothing_is_left() {
-    let mut fixture = Fixture::triangle();
-    fixture.root["images"] = json!([{"uri": "nowhere.png"}]);
-    fixture.root["textures"] = json!([{"source": 0}]);
+    let fixture = with_image(json!({"uri": "nowhere.png"}));
     let map = json!({"index": 0});
     let imported = fixture
         .material(json!({
@@ -177,9 +181,7 @@ fn of_other_maps_that_cannot_be_had_nothing_is_left() {
 
 #[test]
 fn one_image_is_a_checkerboard_as_a_base_color_and_no_light_as_emission() {
-    let mut fixture = Fixture::triangle();
-    fixture.root["images"] = json!([{"uri": "nowhere.png"}]);
-    fixture.root["textures"] = json!([{"source": 0}]);
+    let fixture = with_image(json!({"uri": "nowhere.png"}));
     let map = json!({"index": 0});
     let material =
         json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": map, "pbrMetallicRoughness": {"baseColorTexture": map}});
