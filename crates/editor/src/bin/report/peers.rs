@@ -50,7 +50,7 @@ pub fn write(desk: &Desk) -> Result<String> {
                 // Who rendered, in the order of the first turn, and each time the seconds and dB.
                 let mut tried: Vec<(String, Vec<f64>, Vec<f64>)> = Vec::new();
                 let mut add = |who: &str, secs: f64, picture: &Radiance| {
-                    let db = psnr_db(picture, [&reference[0], &reference[1]]);
+                    let db = psnr_db(picture, reference.each_ref());
                     match tried.iter_mut().find(|(known, ..)| known == who) {
                         Some((_, all_secs, all_db)) => {
                             all_secs.push(secs);

@@ -75,7 +75,6 @@ impl Subject {
             has_boxed_lamp: true,
             film: half,
         });
-        let room = Subject { path: own("gallery"), ..room };
         [room, closed].into_iter().chain(open).collect()
     }
 
@@ -125,7 +124,7 @@ fn sampling(desk: &Desk, film: Film) -> Sampling {
     Sampling { film, step: desk.choose(2, 4), bounces: None, spp: desk.choose(16, 32) }
 }
 
-/// Bakes two scenes with every skip, without each one, and without any.
+/// Bakes scenes with every skip, without each one, and without any.
 ///
 /// # Errors
 /// If a scene cannot be baked, or this system does not tell the CPU time of a process.

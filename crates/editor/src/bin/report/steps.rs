@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use clerestory_relight::gpu::{DeviceChoice, Gpu, Lamplight, LitSample, TreeWords};
+use clerestory::session::lamps::on_device;
+use clerestory_relight::gpu::{DeviceChoice, Gpu, Lamplight, LitSample};
 use clerestory_transport::bake::{Bake, BakeConfig, Indirect};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, LampShape, PreparedLamps};
@@ -139,15 +140,7 @@ struct Device {
 
 impl Device {
     fn new(gpu: &Gpu, scene: &PreparedScene, points: &VisiblePoints) -> Result<Device> {
-        let (words, coats) = (scene.tree_words(), scene.coat_table());
-        let tree = TreeWords {
-            nodes: &words.nodes,
-            blocks: &words.blocks,
-            sheer: words.second,
-            slabs: &words.slabs,
-            coats: &coats,
-        };
-        let lamplight = Lamplight::new(gpu, tree)?;
+        let lamplight = on_device(gpu, scene)?;
         let seen = points.words(scene, 0);
         let sample = lamplight.sample([STEP.width, STEP.height], &seen.starts, &seen.points)?;
         Ok(Device { lamplight, sample })

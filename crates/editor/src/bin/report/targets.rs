@@ -86,10 +86,7 @@ pub fn write(desk: &Desk) -> Result<String> {
 
 /// All methods in turn, more than once: what they find is the same, and the shortest time of each counts.
 fn results(desk: &Desk, name: &str, subject: &Subject, target_db: f64) -> Results {
-    let coded = |method: Method| {
-        desk.say(&format!("{method} on {name} at {target_db} dB"));
-        (method, subject.coded(method, target_db))
-    };
+    let coded = |method: Method| coded_by(desk, method, (name, subject), target_db);
     let [ours, best, others @ ..] = METHODS;
     let fourth = best_fourth(RCONDS.map(|rcond| coded(Method::Alg4(Core::PseudoInverse { rcond }))).into(), target_db);
     let mut results: Results = [ours, best].map(coded).into_iter().chain(fourth).chain(others.map(coded)).collect();
@@ -134,13 +131,20 @@ fn row(subject: &Subject, target_db: f64, (method, result): &(Method, Result<Cod
     }
 }
 
-/// A value of a method, in words.
-fn words_of((method, result): &(Method, Result<Coded>), value: &dyn Fn(&Coded) -> String) -> String {
-    format!("`{method}` {}", result.as_ref().map_or("none".into(), value))
+/// A value of each method, in words.
+fn words_of<'a>(
+    results: impl Iterator<Item = &'a (Method, Result<Coded>)>,
+    value: &dyn Fn(&Coded) -> String,
+) -> String {
+    let words = |(method, result): &(Method, Result<Coded>)| {
+        format!("`{method}` {}", result.as_ref().map_or("none".into(), value))
+    };
+    results.map(words).collect::<Vec<_>>().join(", ")
 }
 
-fn coded_by(desk: &Desk, method: Method, subject: &Subject, target_db: f64) -> (Method, Result<Coded>) {
-    desk.say(&format!("{method} on the noisy halves of mixed at {target_db} dB"));
+/// What a method makes of something of that name.
+fn coded_by(desk: &Desk, method: Method, (name, subject): (&str, &Subject), target_db: f64) -> (Method, Result<Coded>) {
+    desk.say(&format!("{method} on {name} at {target_db} dB"));
     (method, subject.coded(method, target_db))
 }
 
@@ -209,15 +213,15 @@ fn noisy(desk: &Desk, path: &Path, goals: &mut Goals) -> Result<String> {
         best = best.max(decibels(coded.judged.mean_square()));
         rows += &format!("| {target_db} dB {}\n", cells(&subject, target_db, &coded));
         let others: Results = match !desk.quick && target_db == BESIDE_DB {
-            true => BESIDE_NOISE.map(|method| coded_by(desk, method, &subject, target_db)).into(),
+            true => BESIDE_NOISE
+                .map(|method| coded_by(desk, method, ("the noisy halves of mixed", &subject), target_db))
+                .into(),
             false => Results::new(),
         };
         rows +=
             &others.iter().map(|of| format!("| {target_db} dB, {}", row(&subject, target_db, of))).collect::<String>();
-        let beside = |value: &dyn Fn(&Judged) -> f64| {
-            let value = |coded: &Coded| format!("{:.1}", value(&coded.judged));
-            others.iter().map(|of| words_of(of, &value)).collect::<Vec<_>>().join(", ")
-        };
+        let beside =
+            |value: &dyn Fn(&Judged) -> f64| words_of(others.iter(), &|coded| format!("{:.1}", value(&coded.judged)));
         let judged = &coded.judged;
         let at = |what: &str| format!("{what}, noisy halves of `mixed` asked for {target_db} dB");
         let reached = decibels(judged.mean_square());
@@ -275,8 +279,7 @@ impl Goals {
         };
         let Some(ours) = found(METHODS[0]) else { return };
         let beside = |value: &dyn Fn(&Coded) -> String| {
-            let others = results.iter().filter(|(method, _)| *method != METHODS[0]);
-            others.map(|of| words_of(of, value)).collect::<Vec<_>>().join(", ")
+            words_of(results.iter().filter(|(method, _)| *method != METHODS[0]), value)
         };
         let at = format!("`{name}` at {target_db} dB");
         let mut push = |what: &str, asked: String, is_kept: bool, value: &dyn Fn(&Coded) -> String| {

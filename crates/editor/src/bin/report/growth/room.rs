@@ -62,12 +62,11 @@ fn add(mesh: &mut Mesh, corners: [Vec3; 3], material: u32) {
 
 #[cfg(test)]
 mod tests {
-    use std::ops::ControlFlow;
-
-    use clerestory_transport::bake::{BakeConfig, BakeJob, Passes};
+    use clerestory_transport::bake::BakeConfig;
     use clerestory_transport::camera::Film;
 
     use super::*;
+    use crate::matrix::baked;
     use crate::rendered::as_in_file;
 
     #[test]
@@ -84,9 +83,7 @@ mod tests {
     fn most_of_what_the_camera_sees_is_lit_by_the_panel_itself() {
         let scene = prepared(1000, 1).unwrap();
         let config = BakeConfig { spp: 4, bounces: Some(0), ..BakeConfig::default() };
-        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
-        let job = BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
-        let bake = job.run(|_| ControlFlow::Continue(())).unwrap().expect("nobody stops it");
+        let (_, bake) = baked(&scene, Film { width: 32, height: 24 }, config).unwrap();
         let picture = as_in_file(&bake);
         let n_lit = picture.chunks_exact(3).filter(|rgb| rgb[1] > 0.0).count();
         assert!(n_lit > 32 * 24 / 2, "{n_lit}");

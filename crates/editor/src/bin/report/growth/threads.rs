@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use super::{Bench, job, room};
 use crate::desk::Desk;
 use crate::fit::spread_words;
+use crate::lamps::tables::Goal;
 
 /// Times that each number of threads is measured, in turn; the shortest counts.
 const TURNS: usize = 3;
@@ -38,8 +39,10 @@ pub fn write(desk: &Desk, section: &str) -> Result<String> {
     for (nth, n) in counts.iter().enumerate() {
         let [bake, rays] = [0, 1].map(|which| best(0, which) / best(nth, which));
         let secs = |which: usize| spread_words(measured[nth].iter().map(|secs| secs[which]).collect());
+        let share = bake / rays;
+        let word = if nth == 0 { String::new() } else { format!(", {}", Goal::Least(AIM).word(share)) };
         rows +=
-            &format!("| {n} | {} | {} | {bake:.2}× | {rays:.2}× | {:.0} % |\n", secs(0), secs(1), 100.0 * bake / rays,);
+            &format!("| {n} | {} | {} | {bake:.2}× | {rays:.2}× | {:.0} %{word} |\n", secs(0), secs(1), 100.0 * share);
     }
     Ok(format!(
         "\n### Threads\n\n\

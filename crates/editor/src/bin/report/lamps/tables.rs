@@ -51,7 +51,8 @@ impl Goal {
         if self.is_kept(value) { "kept" } else { "missed" }
     }
 
-    fn is_kept(self, value: f64) -> bool {
+    /// Whether a value is on the right side.
+    pub fn is_kept(self, value: f64) -> bool {
         match self {
             Goal::Most(most) => value <= most,
             Goal::Least(least) => value >= least,

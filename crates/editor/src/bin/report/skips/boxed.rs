@@ -11,10 +11,8 @@ const FACES: [[u32; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7
 
 /// Adds a closed box below the scene and a point lamp of 100 cd in its middle.
 pub(super) fn add_lamp(scene: &mut Scene) {
-    let positions = &scene.mesh.positions;
-    let middle = positions.iter().sum::<Vec3>() / positions.len().max(1) as f32;
-    let lowest = positions.iter().map(|at| at.y).fold(middle.y, f32::min);
-    let center = Vec3::new(middle.x, lowest - BELOW, middle.z);
+    let (low, high) = scene.mesh.bounds().unwrap_or_default();
+    let center = (0.5 * (low + high)).with_y(low.y - BELOW);
     let node = scene.nodes.len() as u32;
     scene.nodes.push(SceneNode { index: node, name: Some("closed box".into()), ..SceneNode::default() });
     let material = scene.materials.len() as u32;

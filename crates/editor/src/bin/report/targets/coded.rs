@@ -11,7 +11,7 @@ use clerestory_nystrom::{
 };
 
 use super::judged::{Judged, Spectrum};
-use super::shared_right;
+use super::shared_right::SharedRight;
 use crate::methods::dense::{CHANNELS, Picture, TILE};
 
 /// As bakes have it: darker blocks are held to less.
@@ -75,7 +75,7 @@ pub struct Coded {
     /// Mean rank over the blocks.
     pub mean_rank: f64,
     /// Multiplications per pixel and picture, three channels of light on all columns: with factors as they are unpacked, and
-    /// with right factors in cosines, zeros left out. Both of factors that share no basis.
+    /// with right factors in cosines, zeros left out. Of no use where a right basis is shared.
     pub multiply_adds: [f64; 2],
     /// Milliseconds per block: factors, then bytes.
     pub millis: [f64; 2],
@@ -144,9 +144,9 @@ impl Subject {
             Storage::Packed => (packed.unpack()?, bytes.len()),
             Storage::SharedRight => {
                 let begun = Instant::now();
-                let shared = single_threaded(|| shared_right::packed(&matrix, &plan))??;
+                let shared = single_threaded(|| SharedRight::pack(&matrix, &plan))?;
                 packing = begun.elapsed().as_secs_f64();
-                shared
+                (shared.unpack()?, shared.n_bytes())
             }
             Storage::SixteenBits => (matrix.clone(), matrix.n_bytes()),
             Storage::Single => (matrix.clone(), bytes_in_single(&matrix)),

@@ -6,33 +6,55 @@ use anyhow::Result;
 use clerestory_nystrom::rivals::DMatrix;
 use clerestory_nystrom::{BlockFactors, BlockLowRank, ColumnRun, PackPlan, PackedMatrix};
 
+use crate::fronts::block_factors;
+
 /// What the basis may leave of what is allowed.
 const OF_ALLOWED: f64 = 0.25;
 
-/// Packs a matrix in as few shared vectors as leave little of what the plan allows, and reads it back: with the bytes of both,
-/// one an entry of the basis and four a vector.
-///
-/// # Errors
-/// If what was packed cannot be read.
-pub fn packed(matrix: &BlockLowRank, plan: &PackPlan) -> Result<(BlockLowRank, usize)> {
-    let n_cols = matrix.n_cols as usize;
-    let basis = basis(matrix, OF_ALLOWED * f64::from(plan.allowed));
-    let len = basis.ncols();
-    // Mean squares per entry stay what they are.
-    let unit = (len as f64 / n_cols as f64).sqrt();
-    let narrow = in_columns(matrix, len, |right| right * &basis * unit);
-    let ones = DMatrix::from_element(1, n_cols, 1.0);
-    let plan = PackPlan {
-        columns: vec![ColumnRun::List(len as u32)],
-        allowed: (1.0 - OF_ALLOWED) as f32 * plan.allowed,
-        preserved: (ones * &basis).iter().map(|&x| x as f32).collect(),
-        ..*plan
-    };
-    let packed = PackedMatrix::pack(&narrow, &plan);
-    let mut bytes = Vec::new();
-    packed.encode(&mut bytes);
-    let read = in_columns(&packed.unpack()?, n_cols, |coefficients| coefficients * basis.transpose() / unit);
-    Ok((read, bytes.len() + (n_cols + size_of::<f32>()) * len))
+/// A matrix whose blocks share a right basis.
+pub struct SharedRight {
+    packed: PackedMatrix,
+    /// Columns × vectors.
+    basis: DMatrix<f64>,
+}
+
+impl SharedRight {
+    /// Packs a matrix in as few shared vectors as leave little of what the plan allows.
+    pub fn pack(matrix: &BlockLowRank, plan: &PackPlan) -> SharedRight {
+        let basis = basis(matrix, OF_ALLOWED * f64::from(plan.allowed));
+        let (n_cols, len) = basis.shape();
+        let narrow = in_columns(matrix, len, |right| right * &basis * unit(&basis));
+        let ones = DMatrix::from_element(1, n_cols, 1.0);
+        let plan = PackPlan {
+            columns: vec![ColumnRun::List(len as u32)],
+            allowed: (1.0 - OF_ALLOWED) as f32 * plan.allowed,
+            preserved: (ones * &basis).iter().map(|&x| x as f32).collect(),
+            ..*plan
+        };
+        SharedRight { packed: PackedMatrix::pack(&narrow, &plan), basis }
+    }
+
+    /// Bytes of the blocks as a file has them, and of the basis: one an entry and four a vector.
+    pub fn n_bytes(&self) -> usize {
+        let mut bytes = Vec::new();
+        self.packed.encode(&mut bytes);
+        bytes.len() + (self.basis.nrows() + size_of::<f32>()) * self.basis.ncols()
+    }
+
+    /// The matrix, each block with a right factor of its own again.
+    ///
+    /// # Errors
+    /// If what was packed cannot be read.
+    pub fn unpack(&self) -> Result<BlockLowRank> {
+        let (basis, unit) = (&self.basis, unit(&self.basis));
+        let restored = |coefficients: &DMatrix<f64>| coefficients * basis.transpose() / unit;
+        Ok(in_columns(&self.packed.unpack()?, basis.nrows(), restored))
+    }
+}
+
+/// What keeps mean squares per entry as they are where vectors take the place of columns.
+fn unit(basis: &DMatrix<f64>) -> f64 {
+    (basis.ncols() as f64 / basis.nrows() as f64).sqrt()
 }
 
 /// The leading right singular vectors of all blocks together, in columns, each rounded to 255 steps: as few as leave a mean
@@ -67,9 +89,8 @@ fn basis(matrix: &BlockLowRank, mean_square: f64) -> DMatrix<f64> {
 fn in_columns(matrix: &BlockLowRank, n_cols: usize, change: impl Fn(&DMatrix<f64>) -> DMatrix<f64>) -> BlockLowRank {
     let changed = |block: &Arc<BlockFactors>| {
         let (left, right) = factors(block);
-        let right = change(&right);
-        let rows = |matrix: &DMatrix<f64>| matrix.transpose().iter().map(|&x| x as f32).collect::<Vec<_>>();
-        let changed = BlockFactors::from_f32(&rows(&left), &rows(&right), left.nrows(), n_cols, left.ncols());
+        let [left, right] = [left, change(&right)].map(|factor| factor.map(|x| x as f32));
+        let changed = block_factors(&left, &right);
         Arc::new(BlockFactors { error: block.error, n_samples: block.n_samples, ..changed })
     };
     BlockLowRank {
