@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 
 use desk::{
     Dropped, Window, ask_for, baked, click, drag, on_screen, open, open_with, quick, reach, replace_and_reload, room,
-    wait,
+    wait, wait_until,
 };
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
@@ -444,7 +444,7 @@ fn solo_of_an_added_lamp_outlasts_a_reload() {
     let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
     gltf["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] = json!(4);
     replace_and_reload(&mut window, &path, &gltf);
-    wait_for_words(&mut window, "Opened room.gltf");
+    wait_until(&mut window, |window| says(window, "Opened room.gltf"));
     assert_eq!(lamps(&window).len(), 1);
     window.get_by_label("Solo: Point lamp 1");
 }
@@ -669,7 +669,7 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     let mut window = open(Source::File(path.clone()));
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0);
     wait(&mut window, |app| app.session().lamp_scene().is_none() && app.is_settled());
-    wait_for_words(&mut window, "need the scene of this bake, room.gltf");
+    wait_until(&mut window, |window| says(window, "need the scene of this bake, room.gltf"));
     window.get_by_label("Choose the scene…");
     drop(window);
 
@@ -685,18 +685,11 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     // Another scene of the same name is refused.
     std::fs::write(folder.path().join("room.gltf"), include_bytes!("room.gltf")).unwrap();
     let mut window = open(Source::File(path));
-    wait_for_words(&mut window, "lamps that --ies or --sun-size changed");
+    wait_until(&mut window, |window| says(window, "lamps that --ies or --sun-size changed"));
 }
 
-fn wait_for_words(window: &mut Window, words: &str) {
-    for _ in 0..40_000 {
-        window.step();
-        if window.query_all_by_label_contains(words).next().is_some() {
-            return;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(2));
-    }
-    panic!("{words:?} was never said");
+fn says(window: &Window, words: &str) -> bool {
+    window.query_all_by_label_contains(words).next().is_some()
 }
 
 #[test]

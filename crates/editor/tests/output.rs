@@ -20,7 +20,7 @@ use exr::meta::attribute::SampleType;
 use exr::prelude::{Compression, ReadChannels, ReadLayers};
 use serde_json::json;
 
-use desk::{Window, ask_for, baked, click, drag, open_with, quick, room, save_as, wait};
+use desk::{Window, ask_for, baked, click, drag, open_with, quick, room, save_as, wait, wait_until};
 
 #[test]
 fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
@@ -193,19 +193,6 @@ fn a_file_that_is_there_is_not_replaced_before_somebody_says_so() {
     assert!(window.query_by_label("Path").is_none() && std::fs::read_to_string(&look).unwrap().contains("muted"));
 }
 
-/// Steps until something is said.
-#[track_caller]
-fn wait_for(window: &mut Window, words: &str) {
-    for _ in 0..2000 {
-        window.step();
-        if window.query_by_label_contains(words).is_some() {
-            return;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(2));
-    }
-    panic!("nobody says “{words}”");
-}
-
 #[test]
 fn pictures_that_are_black_although_lights_are_on_are_told_whatever_they_are_written_to() {
     let folder = tempfile::tempdir().unwrap();
@@ -218,7 +205,7 @@ fn pictures_that_are_black_although_lights_are_on_are_told_whatever_they_are_wri
     click(&mut window, "Mute panel");
     click(&mut window, "Mute lamp");
     save_as(&mut window, "Export…", &folder.path().join("off.png"));
-    wait_for(&mut window, "Saved");
+    wait_until(&mut window, |window| window.query_by_label_contains("Saved").is_some());
     assert!(window.query_by_label_contains("is black").is_none(), "without a light nothing else was to be expected");
     click(&mut window, "Mute lamp");
     click(&mut window, "Keep look");
@@ -232,7 +219,7 @@ fn pictures_that_are_black_although_lights_are_on_are_told_whatever_they_are_wri
     ];
     for (label, name, words) in asked {
         save_as(&mut window, label, &folder.path().join(name));
-        wait_for(&mut window, words);
+        wait_until(&mut window, |window| window.query_by_label_contains(words).is_some());
     }
 }
 

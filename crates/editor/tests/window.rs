@@ -423,13 +423,17 @@ fn the_bar_tells_the_error_of_the_whole_and_of_half_of_it() {
     window.get_by_label(&format!("{total:.1} dB, median {median:.1} dB"));
 }
 
-#[test]
-fn false_color_of_lux_that_were_not_baked_offers_to_bake_them() {
-    let mut window = baked();
-    click(&mut window, "False color");
+fn show_false_color_of_lux(window: &mut Window) {
+    click(window, "False color");
     let in_the_list = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() == eframe::egui::Role::Button;
     window.query_all_by_label("Illuminance").find(in_the_list).unwrap().click();
     window.run_steps(3);
+}
+
+#[test]
+fn false_color_of_lux_that_were_not_baked_offers_to_bake_them() {
+    let mut window = baked();
+    show_false_color_of_lux(&mut window);
     click(&mut window, "Bake with illuminance");
     let has_lux = |app: &App| app.session().shown.as_ref().is_some_and(|shown| shown.pixel_irradiance().is_some());
     wait(&mut window, |app| app.session().bake == BakeState::Done && has_lux(app) && app.is_settled());
@@ -441,10 +445,7 @@ fn false_color_of_lux_that_were_not_baked_offers_to_bake_them() {
 #[test]
 fn false_color_of_lux_says_while_they_are_a_preview() {
     let mut window = baked();
-    click(&mut window, "False color");
-    let in_the_list = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() == eframe::egui::Role::Button;
-    window.query_all_by_label("Illuminance").find(in_the_list).unwrap().click();
-    window.run_steps(3);
+    show_false_color_of_lux(&mut window);
     for (label, number) in [("Samples per pixel", 4096.0), ("Tolerance", 80.0)] {
         window.get_by_label(label).set_value_accesskit(number);
         window.run_steps(3);

@@ -60,7 +60,7 @@ impl Lamplight {
     /// Whether it is known what the free lamps of a lighting bring, and what arrives of them where that is measured. Without a
     /// view nothing of them comes.
     pub fn is_known(&self, rig: &LightRig) -> bool {
-        let (Some(view), shining) = (&self.view, shining(rig)) else { return true };
+        let (Some(view), shining) = (&self.view, rig.shining_lamps()) else { return true };
         let is_ordered = self.ordered.as_ref().is_some_and(|ordered| ordered.shining == shining);
         let answer = self.light.as_ref().filter(|light| light.serial == self.n_orders);
         let is_there = |light: &LampLight| light.is_done || light.arriving.is_some() || !view.measures;
@@ -85,7 +85,7 @@ impl Lamplight {
         }
         self.take();
         let Some(view) = &self.view else { return rig.clone() };
-        let shining = shining(rig);
+        let shining = rig.shining_lamps();
         let is_new = match &self.ordered {
             Some(ordered) => ordered.shining != shining,
             None => !shining.is_empty(),
@@ -149,11 +149,6 @@ impl Lamplight {
             Arc::new(LampView { scene: scene.clone(), camera, film, patches, measures, device: device.cloned() })
         }))
     }
-}
-
-/// Free lamps that are not muted, as they are set.
-fn shining(rig: &LightRig) -> Vec<FreeLamp> {
-    rig.lit_lamps().into_iter().filter(|lamp| !lamp.setting.muted).collect()
 }
 
 /// Whether a view is lit by a device, or by none, as it should be; one that was lost makes way for one that was not.

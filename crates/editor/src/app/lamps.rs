@@ -51,7 +51,7 @@ impl App {
             return LampNote::None;
         };
         let heard = heard(&shown.header.basis, &self.look.lights, &self.lights.solo);
-        if heard.lit_lamps().iter().all(|lamp| lamp.setting.muted) {
+        if heard.shining_lamps().is_empty() {
             return LampNote::None;
         }
         match self.follower.lamp_light() {

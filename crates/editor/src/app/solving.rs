@@ -289,8 +289,7 @@ impl App {
         let scene = self.session.lamp_scene().cloned();
         let started = self.solving.measuring.start("measure", &self.solving.wake, move || {
             let figures = || -> anyhow::Result<Figures> {
-                let shining: Vec<_> = of.rig.lit_lamps().into_iter().filter(|lamp| !lamp.setting.muted).collect();
-                let (lamps, _) = PreparedLamps::new(&shining, None)?;
+                let (lamps, _) = PreparedLamps::new(&of.rig.shining_lamps(), None)?;
                 added.lamps = scene.filter(|_| !lamps.is_empty()).map(|scene| (scene, lamps));
                 let light = (&of.rig, &added);
                 let marked =

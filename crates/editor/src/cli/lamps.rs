@@ -108,8 +108,7 @@ impl LampLight {
         (arriving, n_samples): (Arriving, u32),
         console: &mut Console,
     ) -> Result<Vec<LampLight>> {
-        let mut lamps = look.lights.lit_lamps();
-        lamps.retain(|lamp| !lamp.setting.muted);
+        let lamps = look.lights.shining_lamps();
         let Some((scene, camera)) = stage(bake, &lamps, scene, console)? else { return Ok(Vec::new()) };
         let scene = Arc::new(scene);
         let alone = |lamp: &FreeLamp| prepared(std::slice::from_ref(lamp), path, &mut *console);

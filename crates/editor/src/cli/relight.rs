@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clerestory_relight::{CpuRelighter, DeviceChoice, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError};
-use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeJob, Passes};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::irradiance::IrradianceRows;
@@ -19,7 +18,8 @@ use super::interrupt::discarded;
 use super::lamps::{self, Arriving, DIRECT_LUX, LampLight};
 use super::sequence::sequence;
 use super::view::{
-    inputs_of, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_black, warn_of_unknown_lights,
+    inputs_of, load_bake, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_black,
+    warn_of_unknown_lights,
 };
 use super::{picture, sheet::sheet};
 use crate::export::layers::{FREE_LAMPS, LayerSet, layer_name};
@@ -27,7 +27,7 @@ use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
 use crate::illuminance::{AddedLux, seen_irradiance};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
-use crate::platform::{may_have_gpu, memory_bytes};
+use crate::platform::may_have_gpu;
 
 pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
     if args.contact_sheet.is_empty() && args.frames.are_meant(&args.options.output) {
@@ -38,8 +38,7 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
         return sheet(args, console);
     }
     let mut target = Target::new(&args.options, console)?;
-    let bake = archive::read_within(memory_bytes(), &args.transport)
-        .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    let bake = load_bake(&args.transport)?;
     target.look = chosen(&target.document, &args.options, &bake.header.basis, console)?;
     let paths = (args.options.look.as_deref(), args.scene.as_deref());
     let measures = target.options.irradiance || target.look.shows_irradiance(target.format);

@@ -1,7 +1,6 @@
 //! `clerestory schedule`: a table of all lamps.
 
 use anyhow::{Context, Result, ensure};
-use clerestory_transport::archive;
 use clerestory_transport::import::Choice;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sensors::floor_area_m2;
@@ -9,10 +8,9 @@ use serde_json::json;
 
 use super::args::ScheduleArgs;
 use super::console::{Answer, Console};
-use super::view::{load_look, load_scene, or_of_file, spare_look, warn_of_unknown_lights};
+use super::view::{load_bake, load_look, load_scene, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::legend::number_words;
 use crate::output::{PendingFile, spare_inputs};
-use crate::platform::memory_bytes;
 use crate::schedule::Schedule;
 
 pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> {
@@ -22,8 +20,7 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
     let place = PendingFile::create(&args.output)?;
     let is_bake = args.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("transport"));
     let (basis, scene) = if is_bake {
-        let bake = archive::read_within(memory_bytes(), &args.file)
-            .with_context(|| format!("cannot read the transport {}", args.file.display()))?;
+        let bake = load_bake(&args.file)?;
         ensure!(!bake.header.basis.is_measured(), "{} is of pictures, whose lights are no lamps", args.file.display());
         (bake.header.basis.clone(), None)
     } else {

@@ -4,8 +4,7 @@ use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
-use clerestory_transport::archive;
+use anyhow::{Result, bail};
 use clerestory_transport::bake::Bake;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::sensors::SensorGrid;
@@ -16,11 +15,10 @@ use serde_json::json;
 use super::args::SensorsArgs;
 use super::console::{Answer, Console};
 use super::lamps::{DIRECT_LUX, prepared, stage};
-use super::view::{load_look, or_of_file, spare_look, warn_of_unknown_lights};
+use super::view::{load_bake, load_look, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::illuminance::{AddedLux, FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
-use crate::platform::memory_bytes;
 use crate::table::text_cell;
 
 /// What the sensors of a grid say.
@@ -54,8 +52,7 @@ pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answe
         spare_look(output, args.look.as_deref(), &document)?;
     }
     let place = args.output.as_deref().map(PendingFile::create).transpose()?;
-    let bake = archive::read_within(memory_bytes(), &args.transport)
-        .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    let bake = load_bake(&args.transport)?;
     let basis = &bake.header.basis;
     let look = args.choice.of(&or_of_file(document, args.look.as_deref(), basis), Some(basis))?;
     let added = added(args, &bake, &look, console)?;

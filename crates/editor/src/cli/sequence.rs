@@ -5,9 +5,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clap::Args;
-use clerestory_transport::archive;
 use clerestory_transport::camera::Film;
 use serde_json::json;
 
@@ -17,10 +16,9 @@ use super::console::{Answer, Console, advance, duration_words};
 use super::lamps;
 use super::picture;
 use super::relight::open_graphics;
-use super::view::{load_look, warn_of_unknown_lights};
+use super::view::{load_bake, load_look, warn_of_unknown_lights};
 use crate::look::lamps::resolve;
 use crate::look::timeline::FPS;
-use crate::platform::memory_bytes;
 use crate::sequence::{Pattern, Sequence};
 use crate::session::lamps::LampView;
 use crate::stills::{Stills, Subject};
@@ -88,8 +86,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
 
     let interrupt = console.interrupt.heeded()?;
     let graphics = open_graphics(options.device)?;
-    let bake = archive::read_within(memory_bytes(), &args.transport)
-        .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    let bake = load_bake(&args.transport)?;
     let header = bake.header.clone();
     let file = sequence.options.window([header.width, header.height])?;
     sequence

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use clerestory_transport::archive;
 use serde_json::json;
 
 use super::args::{Layers, RelightArgs};
@@ -12,12 +11,11 @@ use super::console::{Answer, Console, duration_words};
 use super::lamps::{Arriving, LampLight, added_lux};
 use super::picture::options;
 use super::relight::{Lit, irradiance_for};
-use super::view::{load_look, spare_look, warn_of_black, warn_of_unknown_lights};
+use super::view::{load_bake, load_look, spare_look, warn_of_black, warn_of_unknown_lights};
 use crate::contact_sheet::{Print, check_size, write_sheet};
 use crate::export::{ExportOptions, ImageFormat, Picture};
 use crate::look::Look;
 use crate::output::PendingFile;
-use crate::platform::memory_bytes;
 
 /// Relights under each of the looks and writes the sheet.
 pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
@@ -40,8 +38,7 @@ pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer>
             Ok((caption(path, paths), path.as_path(), look))
         })
         .collect::<Result<_>>()?;
-    let bake = archive::read_within(memory_bytes(), &args.transport)
-        .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    let bake = load_bake(&args.transport)?;
     let file = options.window([bake.header.width, bake.header.height])?;
     check_size(looks.len(), [file.width, file.height])?;
     let graphics = super::relight::open_graphics(args.options.device)?;

@@ -5,9 +5,8 @@ use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use clerestory_relight::Radiance;
-use clerestory_transport::archive;
 use clerestory_transport::bake::Bake;
 use clerestory_transport::camera::Film;
 use clerestory_transport::prepared::PreparedScene;
@@ -18,11 +17,10 @@ use super::args::SolveArgs;
 use super::bake::merge;
 use super::console::{Answer, Console};
 use super::lamps::{Arriving, DEFAULT_SAMPLES, LampLight, open};
-use super::view::{load_look, or_of_file, spare_look, warn_of_unknown_lights};
+use super::view::{load_bake, load_look, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::look::Look;
 use crate::marks::{Framing, Seen};
 use crate::output::{PendingFile, spare_inputs};
-use crate::platform::memory_bytes;
 use crate::solve::kept::{Here, Pictures};
 use crate::solve::parse::{self, Surroundings};
 use crate::solve::{
@@ -37,8 +35,7 @@ pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     spare_inputs(&args.output, inputs.into_iter().filter_map(|(what, path)| Some((what, path?.as_path()))))?;
     spare_look(&args.output, None, &look)?;
     let place = PendingFile::create(&args.output)?;
-    let bake = archive::read_within(memory_bytes(), &args.transport)
-        .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    let bake = load_bake(&args.transport)?;
     look = or_of_file(look, args.look.as_deref(), &bake.header.basis);
     warn_of_unknown_lights(&bake.header.basis, &look, console);
     let lamps = lamps(args, &bake, &look, console)?;

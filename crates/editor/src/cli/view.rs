@@ -6,6 +6,8 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use clerestory_relight::Radiance;
+use clerestory_transport::archive;
+use clerestory_transport::bake::Bake;
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::{Lighting, LightingError, PanelRequest, SkyRequest};
@@ -23,6 +25,7 @@ use super::console::Console;
 use crate::black::{black_words, is_black};
 use crate::look::{Look, sky};
 use crate::output::spare_inputs;
+use crate::platform::memory_bytes;
 
 /// Width of a picture whose size was not given.
 const DEFAULT_WIDTH_PX: u32 = 960;
@@ -42,6 +45,11 @@ pub(crate) fn load_scene(path: &Path, choice: &Choice, console: &mut Console) ->
     console.warn_all(unsupported_words(&imported, path));
     console.warn_all(fault_words(&imported, path));
     Ok(imported)
+}
+
+/// Reads a bake that this machine has memory for.
+pub(super) fn load_bake(path: &Path) -> Result<Bake> {
+    archive::read_within(memory_bytes(), path).with_context(|| format!("cannot read the transport {}", path.display()))
 }
 
 /// Loads a scene.

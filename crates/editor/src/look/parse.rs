@@ -37,7 +37,6 @@ pub(super) enum OnFault {
 /// A place in the document, and what was noticed on the way.
 pub(super) struct Reader<'a> {
     warnings: &'a mut Vec<String>,
-    path: String,
     steps: Vec<Step>,
     text: &'a str,
     on_fault: OnFault,
@@ -60,8 +59,7 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
         Err(error) => return Err(error).context("it is not JSON; see the example in docs/cli.md"),
     };
     warnings.extend(repeated::warnings(text));
-    let (path, steps) = (String::new(), Vec::new());
-    let mut reader = Reader { warnings: &mut warnings, path, steps, text, on_fault };
+    let mut reader = Reader { warnings: &mut warnings, steps: Vec::new(), text, on_fault };
     let document = reader.object(&value)?;
     check_version(document, &mut reader)?;
     reader.report_unknown(
@@ -132,9 +130,8 @@ impl Reader<'_> {
     fn at<T>(&mut self, step: impl Into<Step>, read: impl FnOnce(&mut Reader) -> Result<T>) -> Result<T> {
         let step = step.into();
         let steps = [self.steps.as_slice(), &[step]].concat();
-        let path = place::path(&steps);
         let (text, on_fault) = (self.text, self.on_fault);
-        let mut deeper = Reader { warnings: self.warnings, path, steps, text, on_fault };
+        let mut deeper = Reader { warnings: self.warnings, steps, text, on_fault };
         read(&mut deeper).map_err(|error| place::located(error, text, &deeper.steps))
     }
 
@@ -154,8 +151,8 @@ impl Reader<'_> {
     }
 
     /// The name of this place for people.
-    pub(super) fn name(&self) -> &str {
-        if self.path.is_empty() { "the look" } else { &self.path }
+    pub(super) fn name(&self) -> String {
+        if self.steps.is_empty() { "the look".into() } else { place::path(&self.steps) }
     }
 
     pub(super) fn object<'v>(&self, value: &'v Value) -> Result<&'v Map<String, Value>> {
@@ -168,9 +165,8 @@ impl Reader<'_> {
 
     pub(super) fn report_unknown(&mut self, object: &Map<String, Value>, known: &[&str]) {
         for key in object.keys().filter(|key| !known.contains(&key.as_str())) {
-            let separator = if self.path.is_empty() { "" } else { "." };
-            let sentence = format!("the look has an unknown key `{}{separator}{key}`; it is ignored", self.path);
-            self.warnings.push(sentence);
+            let place = place::path(&[self.steps.as_slice(), &[Step::from(key.as_str())]].concat());
+            self.warnings.push(format!("the look has an unknown key `{place}`; it is ignored"));
         }
     }
 
@@ -295,7 +291,7 @@ impl Reader<'_> {
             known.push(format!("`{}`", name.as_ref()));
         }
         let sentence =
-            format!("the look sets `{}` to `{wanted}`; known are {}; it is ignored", self.path, known.join(", "));
+            format!("the look sets `{}` to `{wanted}`; known are {}; it is ignored", self.name(), known.join(", "));
         self.warnings.push(sentence);
         Ok(None)
     }

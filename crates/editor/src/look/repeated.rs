@@ -19,10 +19,11 @@ pub(super) fn warnings(text: &str) -> Vec<String> {
         return Vec::new();
     }
     let sentence = |steps: &Vec<Step>| {
-        let line = place::offset(text.as_bytes(), steps).map_or(1, |offset| place::line_and_column(text, offset).0);
-        format!("the look has `{}` more than once; the last one, in line {line}, counts", place::path(steps))
+        // What stands in an object that another one of its name follows counts for nothing.
+        let line = place::line_and_column(text, place::offset(text.as_bytes(), steps)?).0;
+        Some(format!("the look has `{}` more than once; the last one, in line {line}, counts", place::path(steps)))
     };
-    found.iter().map(sentence).collect()
+    found.iter().filter_map(sentence).collect()
 }
 
 /// Goes through a document, and notes what is repeated.
@@ -123,6 +124,9 @@ mod tests {
                 "the look has `lights` more than once; the last one, in line 6, counts",
             ]
         );
+        let replaced = "{\"clerestory\": 1, \"lights\": {\"a\": {}, \"a\": {}},\n\"lights\": {\"b\": {}}}";
+        let (_, warnings) = Look::from_json(replaced).unwrap();
+        assert_eq!(warnings, ["the look has `lights` more than once; the last one, in line 2, counts"]);
         let (_, none) = Look::from_json(&look.to_json()).unwrap();
         assert!(none.is_empty(), "{none:?}");
         let many: String = (0..99).map(|_| "\"x\": [[1, -1.5, null]], ").collect();

@@ -188,7 +188,7 @@ pub fn lights_ui(
     layout_ui(ui, state, lights.len());
     let items = shown(arranged(&lights, state.layout.group_by, look), &lights, &state.filter);
     unfold_for(state, &items, &lights);
-    let order = order(&items, &lights, &state.collapsed, state.layout.view);
+    let order = order(&items, &lights, &state.collapsed);
     let file = basis.file_rig();
     let mut mix = Mix { lights: &lights, items: &items, order, look, file: &file, state, actions };
     keys(ui, &mut mix);
@@ -314,9 +314,9 @@ fn unfold_for(state: &mut LightsState, items: &[Item], lights: &[Listed]) {
 }
 
 /// Keys in the order in which they are shown.
-fn order(items: &[Item], lights: &[Listed], collapsed: &BTreeSet<String>, view: LightsView) -> Vec<String> {
+fn order(items: &[Item], lights: &[Listed], collapsed: &BTreeSet<String>) -> Vec<String> {
     let is_open = |item: &&Item| match item {
-        Item::Group(group) => view == LightsView::Table || !collapsed.contains(&group.key),
+        Item::Group(group) => !collapsed.contains(&group.key),
         Item::Light(_) => true,
     };
     let shown = items.iter().filter(is_open).flat_map(|item| item.lights());

@@ -18,6 +18,7 @@ use glam::Vec3;
 
 use self::bench::Bench;
 pub use self::bench::StillLamps;
+pub use self::device::on_device;
 
 use super::Wake;
 use super::mailbox::{Clerk, Idle, Mailbox};

@@ -410,7 +410,7 @@ pub(super) fn write_gltf(scene: &PreparedScene, source: Source, look: &Look, pat
         let but = if warnings.is_empty() { String::new() } else { format!("; {}", warnings.join(", ")) };
         Ok(format!("Saved {}{but}", path.display()))
     };
-    let _ = post.send(Fact::Written(write().map_err(|error| in_words(&error))), Duration::ZERO);
+    post.written(write().map(|words| (words, None)));
 }
 
 /// Writes the frames of a timeline one after the other.

@@ -91,10 +91,16 @@ pub fn open_again(path: &Path, kept: Kept) -> Window {
 /// Steps until something is so. Pictures and bakes come from threads, so this takes real time.
 #[track_caller]
 pub fn wait(window: &mut Window, until: impl Fn(&App) -> bool) {
+    wait_until(window, |window| until(window.state()));
+    window.run_steps(2);
+}
+
+/// Steps until the window shows something.
+#[track_caller]
+pub fn wait_until(window: &mut Window, until: impl Fn(&Window) -> bool) {
     for _ in 0..40_000 {
         window.step();
-        if until(window.state()) {
-            window.run_steps(2);
+        if until(window) {
             return;
         }
         std::thread::sleep(Duration::from_millis(2));

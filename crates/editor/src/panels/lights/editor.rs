@@ -1,5 +1,7 @@
 //! The editor of what is selected: one light or many, changed relatively or set to one value.
 
+use std::collections::BTreeSet;
+
 use clerestory_transport::light::LightSetting;
 use eframe::egui::{Align, Layout, RichText, ScrollArea, Ui};
 
@@ -70,8 +72,8 @@ fn heading_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize], keys: &[String]) {
             [one] => mix.lights[*one].name.clone(),
             many => format!("{} lights selected", many.len()),
         };
-        let is_shown = |idx: &&usize| mix.items.iter().any(|item| item.lights().contains(idx));
-        let n_hidden = selected.len() - selected.iter().filter(is_shown).count();
+        let shown: BTreeSet<usize> = mix.items.iter().flat_map(|item| item.lights().iter().copied()).collect();
+        let n_hidden = selected.iter().filter(|idx| !shown.contains(idx)).count();
         let title = if n_hidden > 0 { format!("{title}, {n_hidden} not shown") } else { title };
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let close = ui.button("×").on_hover_text("Select nothing");

@@ -17,7 +17,7 @@ pub(super) struct Mix<'a> {
     pub lights: &'a [Listed<'a>],
     /// Those that are shown, sorted.
     pub items: &'a [Item],
-    /// Keys as they are shown, from the first to the last.
+    /// Keys as they are shown, from the first to the last; a table, which is sorted, sets its own.
     pub order: Vec<String>,
     pub look: &'a mut Look,
     /// What the file itself is lit by.

@@ -19,21 +19,29 @@ pub(super) struct LampDevice {
     samples: Vec<LitSample>,
 }
 
+/// Takes what rays meet in a scene to a device.
+///
+/// # Errors
+/// A device that fails, or does not take so large a scene.
+pub fn on_device(gpu: &Gpu, scene: &PreparedScene) -> Result<Lamplight, RelightError> {
+    let (words, coats) = (scene.tree_words(), scene.coat_table());
+    let tree = TreeWords {
+        nodes: &words.nodes,
+        blocks: &words.blocks,
+        sheer: words.second,
+        slabs: &words.slabs,
+        coats: &coats,
+    };
+    Lamplight::new(gpu, tree)
+}
+
 impl LampDevice {
     /// Takes a scene to the device.
     ///
     /// # Errors
     /// A device that fails, or does not take so large a scene.
     pub fn new(gpu: &Gpu, view: &LampView) -> Result<LampDevice, RelightError> {
-        let (words, coats) = (view.scene.tree_words(), view.scene.coat_table());
-        let tree = TreeWords {
-            nodes: &words.nodes,
-            blocks: &words.blocks,
-            sheer: words.second,
-            slabs: &words.slabs,
-            coats: &coats,
-        };
-        let lamplight = Lamplight::new(gpu, tree)?;
+        let lamplight = on_device(gpu, &view.scene)?;
         let size = [view.film.width, view.film.height];
         Ok(LampDevice { scene: view.scene.clone(), lamplight, size, samples: Vec::new() })
     }
@@ -183,6 +191,22 @@ mod tests {
         (n_different, [found, expected].map(|light| light.as_flattened().iter().sum()))
     }
 
+    /// Holds what a device finds of a lamp against what the CPU finds.
+    fn assert_as_cpu(device: &mut LampDevice, points: &VisiblePoints, lamp: &PreparedLamps, pass: u32, what: &str) {
+        let found = device.direct((0, points), lamp, pass, &|| false).unwrap().unwrap();
+        let expected = points.direct(&device.scene, lamp, pass, &|| false).unwrap();
+        let (n_different, [sum, expected_sum]) = compare(&found, &expected);
+        assert!(n_different <= FILM.n_pixels() / 200, "{what}, pass {pass}: {n_different} pixels");
+        assert!((sum - expected_sum).abs() <= 1e-3 * expected_sum, "{what}: {sum}, {expected_sum}");
+    }
+
+    /// Pixels that a device leaves to the CPU, and those that it lights.
+    fn left_and_lit(device: &mut LampDevice, points: &VisiblePoints, lamp: &PreparedLamps) -> [usize; 2] {
+        let raw = device.found((0, points), lamp, 0, <[_]>::to_vec).unwrap().unwrap();
+        let n_left = raw.iter().filter(|rgb| rgb[3] != 0.0).count();
+        [n_left, raw.iter().filter(|rgb| rgb[..3] != [0.0; 3]).count()]
+    }
+
     #[test]
     fn every_device_finds_the_light_that_the_cpu_finds() {
         let gpus = Gpu::all_headless(DeviceChoice::Any);
@@ -199,17 +223,11 @@ mod tests {
             let at = view.camera.position() + ahead * 1.5;
             for (nth, lamp) in lamps(at, at + ahead - Vec3::Y).iter().enumerate() {
                 for pass in [0, 3] {
-                    let found = device.direct((0, &points), lamp, pass, &|| false).unwrap().unwrap();
-                    let expected = points.direct(&view.scene, lamp, pass, &|| false).unwrap();
-                    let (n_different, [sum, expected_sum]) = compare(&found, &expected);
-                    assert!(n_different <= FILM.n_pixels() / 200, "lamp {nth}, pass {pass}: {n_different} pixels");
-                    assert!((sum - expected_sum).abs() <= 1e-3 * expected_sum, "lamp {nth}: {sum}, {expected_sum}");
+                    assert_as_cpu(&mut device, &points, lamp, pass, &format!("lamp {nth}"));
                 }
-                let raw = device.found((0, &points), lamp, 0, <[_]>::to_vec).unwrap().unwrap();
-                let n_left = raw.iter().filter(|rgb| rgb[3] != 0.0).count();
+                let [n_left, n_lit] = left_and_lit(&mut device, &points, lamp);
                 assert!(n_left < FILM.n_pixels() / 2, "lamp {nth}: {n_left} pixels are left to the CPU");
                 // Parallel light does not get into rooms.
-                let n_lit = raw.iter().filter(|rgb| rgb[..3] != [0.0; 3]).count();
                 assert!(n_lit > FILM.n_pixels() / 20 || nth == 2, "lamp {nth}: {n_lit} pixels are lit by the device");
             }
         }
@@ -231,14 +249,9 @@ mod tests {
                 [place[0], Vec3::new(-0.3, 0.6, -1.0)],
             );
             for (nth, lamp) in lamps(place[0], place[1]).iter().chain([&narrow]).enumerate() {
-                let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
-                let expected = points.direct(&view.scene, lamp, 0, &|| false).unwrap();
-                let (n_different, [sum, expected_sum]) = compare(&found, &expected);
-                assert!(n_different <= FILM.n_pixels() / 200, "lamp {nth}: {n_different} pixels");
-                assert!((sum - expected_sum).abs() <= 1e-3 * expected_sum, "lamp {nth}: {sum}, {expected_sum}");
+                assert_as_cpu(&mut device, &points, lamp, 0, &format!("lamp {nth}"));
                 // Parallel light does not get into rooms.
-                let raw = device.found((0, &points), lamp, 0, <[_]>::to_vec).unwrap().unwrap();
-                let n_lit = raw.iter().filter(|rgb| rgb[..3] != [0.0; 3]).count();
+                let [_, n_lit] = left_and_lit(&mut device, &points, lamp);
                 assert!(n_lit > 0 || nth == 2, "lamp {nth}: {n_lit} pixels are lit by the device");
             }
         }
@@ -254,14 +267,9 @@ mod tests {
         let lamps = lamps(Vec3::new(0.1, 0.1, -0.7), Vec3::new(0.3, -0.2, -1.0));
         for (gpu, lamp) in gpus.iter().flat_map(|gpu| lamps[3..5].iter().map(move |lamp| (gpu, lamp))) {
             let mut device = LampDevice::new(gpu, &view).unwrap();
-            let raw = device.found((0, &points), lamp, 0, <[_]>::to_vec).unwrap().unwrap();
-            let n_left = raw.iter().filter(|rgb| rgb[3] != 0.0).count();
+            let [n_left, _] = left_and_lit(&mut device, &points, lamp);
             assert!(n_left < FILM.n_pixels() / 50, "{lamp:?}: {n_left} pixels are left to the CPU");
-            let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
-            let expected = points.direct(&view.scene, lamp, 0, &|| false).unwrap();
-            let (n_different, [sum, expected_sum]) = compare(&found, &expected);
-            assert!(n_different <= FILM.n_pixels() / 200, "{lamp:?}: {n_different} pixels");
-            assert!((sum - expected_sum).abs() <= 1e-3 * expected_sum, "{lamp:?}: {sum}, {expected_sum}");
+            assert_as_cpu(&mut device, &points, lamp, 0, &format!("{lamp:?}"));
         }
     }
 
@@ -331,16 +339,10 @@ mod tests {
             let mut device = LampDevice::new(gpu, view).unwrap();
             for (nth, lamp) in lamps.iter().enumerate() {
                 let what = format!("lamp {nth} of side {side}");
-                let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
-                let expected = points.direct(&view.scene, lamp, 0, &|| false).unwrap();
-                let (n_different, [sum, expected_sum]) = compare(&found, &expected);
-                assert!(n_different <= FILM.n_pixels() / 200, "{what}: {n_different} pixels");
-                assert!((sum - expected_sum).abs() <= 1e-3 * expected_sum, "{what}: {sum}, {expected_sum}");
-                let raw = device.found((0, &points), lamp, 0, <[_]>::to_vec).unwrap().unwrap();
-                let n_left = raw.iter().filter(|rgb| rgb[3] != 0.0).count();
+                assert_as_cpu(&mut device, &points, lamp, 0, &what);
+                let [n_left, n_lit] = left_and_lit(&mut device, &points, lamp);
                 assert!(n_left < FILM.n_pixels() / 4, "{what}: {n_left} pixels are left to the CPU");
                 // Only what lies behind the panes is seen, so that the light of the other side comes through them.
-                let n_lit = raw.iter().filter(|rgb| rgb[..3] != [0.0; 3]).count();
                 assert!(n_lit > FILM.n_pixels() / 5 || side == 0, "{what}: {n_lit} pixels are lit by the device");
             }
         }
@@ -358,8 +360,8 @@ mod tests {
         let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
         let lamp = &lamps(Vec3::new(-0.2, 0.1, 0.6), Vec3::ZERO)[0];
         let mut device = LampDevice::new(&gpu, &view).unwrap();
-        let raw = device.found((0, &points), lamp, 0, <[_]>::to_vec).unwrap().unwrap();
-        assert!(raw.iter().filter(|rgb| rgb[3] != 0.0).count() > FILM.n_pixels() / 10);
+        let [n_left, _] = left_and_lit(&mut device, &points, lamp);
+        assert!(n_left > FILM.n_pixels() / 10, "{n_left}");
         let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
         let (n_different, _) = compare(&found, &points.direct(&view.scene, lamp, 0, &|| false).unwrap());
         assert!(n_different <= FILM.n_pixels() / 200, "{n_different} pixels");
