@@ -39,6 +39,18 @@ const LUMEN: f32 = 1500.0;
 const WIDTHS: [u32; 2] = [64, 320];
 /// Samples per pixel of a bake of each width.
 const BAKE_SPP: [u32; 2] = [256, 32];
+/// Patches and samples per pixel of the bakes that are held against references.
+const BAKES: [[u32; 2]; 6] = [
+    [1024, BAKE_SPP[0]],
+    [2048, BAKE_SPP[0]],
+    USUAL,
+    [DEFAULT_PATCHES, BAKE_SPP[0] / 4],
+    [DEFAULT_PATCHES, 4 * BAKE_SPP[0]],
+    [4 * DEFAULT_PATCHES, BAKE_SPP[0]],
+];
+/// The one that goals are set for, and the one in a hurry.
+const USUAL: [u32; 2] = [DEFAULT_PATCHES, BAKE_SPP[0]];
+const QUICK: [u32; 2] = [DEFAULT_PATCHES, 64];
 
 /// Samples per pixel of traced and of live light, in a hurry and in full.
 const TRACED_SPP: [u32; 2] = [256, 2048];
@@ -167,14 +179,14 @@ fn measure(desk: &Desk, case: &Case) -> Result<Told> {
     let film = Film::of_width(WIDTHS[0], &camera);
     let traced = Traced::find(desk, case, (&scene, &camera, film))?;
     let mut told = Told::default();
-    for n_patches in desk.choose(&[DEFAULT_PATCHES][..], &[1024, 2048, DEFAULT_PATCHES]) {
-        let config = BakeConfig { spp: desk.choose(64, BAKE_SPP[0]), patches: *n_patches, ..BakeConfig::default() };
+    for &[n_patches, spp] in desk.choose(&[QUICK][..], &BAKES) {
+        let config = BakeConfig { spp, patches: n_patches, ..BakeConfig::default() };
         let (bake, spent) = bake(&scene, &camera, film, config)?;
         let (places, bytes) = (traced.places(&scene, &bake)?, Bytes::of(desk, &bake)?);
         let patches = bake.header.patches.as_ref().context("no patches")?;
-        told.add_row(case.name, &places, (patches, bytes, spent));
-        desk.say(&format!("{} with {} patches: {places:.3?}", case.name, patches.n_patches()));
-        if *n_patches == DEFAULT_PATCHES {
+        told.add_row((case.name, spp), &places, (patches, bytes, spent));
+        desk.say(&format!("{} with {} patches, {spp} samples: {places:.3?}", case.name, patches.n_patches()));
+        if [n_patches, spp] == desk.choose(QUICK, USUAL) {
             told.add_places(case.name, &places);
             told.goals = Goals::of(&places, traced.exchanged_db(&scene, &bake)?);
         }

@@ -116,14 +116,20 @@ impl Told {
         self.places += &scene.places;
     }
 
-    pub fn add_row(&mut self, name: &str, places: &[Place], (patches, bytes, spent): (&Patches, Bytes, Spent)) {
+    /// A row of a bake with some samples per pixel.
+    pub fn add_row(
+        &mut self,
+        (name, spp): (&str, u32),
+        places: &[Place],
+        (patches, bytes, spent): (&Patches, Bytes, Spent),
+    ) {
         let seen: Vec<Seen<'_>> = places.iter().filter_map(|place| Some((place.l2?, place))).collect();
         let of = |what: &dyn Fn(&Seen<'_>) -> f64| seen.iter().map(what).collect::<Vec<f64>>();
         let energy = of(&|(_, place)| place.energy);
         let [least, most] = [f64::min, f64::max].map(|end: fn(f64, f64) -> f64| energy.iter().copied().reduce(end));
         let energy = least.zip(most).map_or("—".into(), |(least, most)| format!("{least:.3} to {most:.3}"));
         self.rows += &format!(
-            "| {name} | {} | {} | {} | {} | {} | {} | {} | {} | {energy} | {} | {} | {} | {} | {:.1} s | {:.1} s | {:.1} s |\n",
+            "| {name} | {} | {spp} | {} | {} | {} | {} | {} | {} | {} | {energy} | {} | {} | {} | {} | {:.1} s | {:.1} s | {:.1} s |\n",
             patches.n_patches(),
             patches.n_columns(),
             percent(patches.held_out_error().into()),
@@ -161,7 +167,7 @@ impl Told {
         format!(
             "## Lamps that were added\n\n\
             A point lamp of {LUMEN} lm at places that no bake knew, in pictures {width} pixels wide. They show the baked light of the file, living-room's under its own sky \
-            ({spp} samples per pixel, seed 0; traced and live pictures have seeds 1 to 4), plus the lamp's live light (direct light at what is seen and at what narrow lobes show there), plus what the patches make of its \
+            ({spp} samples per pixel, or as many as the table tells, seed 0; traced and live pictures have seeds 1 to 4), plus the lamp's live light (direct light at what is seen and at what narrow lobes show there), plus what the patches make of its \
             irradiance. Two independent ones are held against two independent traced pictures of {} samples per pixel; the live light has as many. \
             L2 is the root of the summed products of both differences, over that of the indirect light: noise of live and of traced light is no error, \
             noise of the bake is. *Without worst* leaves out the {:.1} % of the pixels with the greatest errors, which are chosen by what is measured, \
@@ -169,8 +175,8 @@ impl Told {
             of the indirect light are drowned, and left out of all that follows. Medians, and the worst in brackets. Energy is the sum of the indirect light over that of the \
             reference. PSNR is that of the whole picture, its peak the 99.5 percentile. *Held out* is by how much columns differ from patches \
             under lamps that they were not learned from. CPU seconds of all threads: of all that is no patch (patches change nothing of it), of learning patches, of the walks of their columns. {}\n\n\
-            | scene | patches | columns | held out | places | drowned | L2 | without worst | noise | energy, least to most | PSNR | of the noise | file without \
-            | of patches | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n{}\n\
+            | scene | patches | samples | columns | held out | places | drowned | L2 | without worst | noise | energy, least to most | PSNR | of the noise | file without \
+            | of patches | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n{}\n\
             ### Place by place, {DEFAULT_PATCHES} patches\n\n\
             *In the worst* is the share of the squared error that stands in these {:.1} % of the pixels; a share of more than all says that the others \
             have less than no error beside noise.\n\n\
