@@ -81,6 +81,8 @@ const LEAST_HEIGHT: f32 = 0.02;
 const LEAST_ANGLE: f32 = 1e-3;
 const SLAB_HEAD: u32 = 2u;
 const SLAB_ROWS: u32 = 8u;
+// Whether the scene has any.
+override HAS_SLABS: bool;
 // Most slabs that a way goes through.
 const IN_A_ROW: u32 = 8u;
 // One minus the cosine between normals that count as parallel.
@@ -909,13 +911,13 @@ fn shaded(point: u32, tile: u32) -> vec4f {
     let own = fract(u + lattice(1u + (number >> 4u & 15u)));
     var sum = vec3f(0.0);
     // Straight on, and through slabs where there are any.
-    for (var nth = 0u; nth < select(1u, 2u, slabs[0].w > 0u); nth++) {
+    for (var nth = 0u; nth < select(1u, 2u, HAS_SLABS); nth++) {
         var route = Route();
         var light: Sent;
-        if nth == 0u {
-            light = sent(place, u, own);
-        } else {
+        if HAS_SLABS && nth == 1u {
             light = sent_through(place, own, &route);
+        } else {
+            light = sent(place, u, own);
         }
         if light.state == UNKNOWN {
             return vec4f(0.0, 0.0, 0.0, 1.0);
@@ -927,11 +929,19 @@ fn shaded(point: u32, tile: u32) -> vec4f {
         if value.x + value.y + value.z <= 0.0 {
             continue;
         }
-        let found = passed(&route, place, light.toward);
+        var found = Passed(vec3f(1.0), FREE);
+        if HAS_SLABS {
+            found = passed(&route, place, light.toward);
+        } else {
+            found.way = free(place, light.toward);
+        }
         if found.way == UNKNOWN {
             return vec4f(0.0, 0.0, 0.0, 1.0);
         }
-        sum += value * found.share;
+        // Where something is in the way.
+        if found.way == FREE {
+            sum += value * found.share;
+        }
     }
     return vec4f(sum, 0.0);
 }

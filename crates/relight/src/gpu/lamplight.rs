@@ -71,7 +71,10 @@ impl Lamplight {
             let coats = filled(gpu, "the table of coats", tree.coats)?;
             let slabs = filled(gpu, "the panes of the scene", tree.slabs)?;
             let (name, source) = LAMPLIGHT;
-            let (stage, stamps) = (pipeline(gpu, name, source), Stamps::new(gpu, 1));
+            // Without panes nothing of theirs is compiled.
+            let has_slabs = tree.slabs.first().is_some_and(|[.., n_slabs]| *n_slabs > 0);
+            let stage = pipeline(gpu, name, source, &[("HAS_SLABS", f64::from(has_slabs))]);
+            let stamps = Stamps::new(gpu, 1);
             Ok(Self { gpu: gpu.clone(), stage, nodes, blocks, coats, slabs, sheer: tree.sheer, stamps })
         })
     }

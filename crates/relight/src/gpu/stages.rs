@@ -14,13 +14,13 @@ pub(super) struct Stages {
 
 impl Stages {
     pub(super) fn new(gpu: &Gpu) -> Self {
-        let [project, gather, expand, display] = SHADERS.map(|(name, source)| pipeline(gpu, name, source));
+        let [project, gather, expand, display] = SHADERS.map(|(name, source)| pipeline(gpu, name, source, &[]));
         Self { project, gather, expand, display }
     }
 }
 
-/// A shader with one entry point of its own name.
-pub(super) fn pipeline(gpu: &Gpu, name: &str, source: &str) -> wgpu::ComputePipeline {
+/// A shader with one entry point of its own name, and values of constants that it leaves open.
+pub(super) fn pipeline(gpu: &Gpu, name: &str, source: &str, constants: &[(&str, f64)]) -> wgpu::ComputePipeline {
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(name),
         source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -30,7 +30,7 @@ pub(super) fn pipeline(gpu: &Gpu, name: &str, source: &str) -> wgpu::ComputePipe
         layout: None,
         module: &module,
         entry_point: Some(name),
-        compilation_options: Default::default(),
+        compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
         cache: None,
     })
 }
