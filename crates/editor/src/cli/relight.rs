@@ -39,6 +39,7 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
     }
     let mut target = Target::new(&args.options, console)?;
     let bake = load_bake(&args.transport)?;
+    target.options.window([bake.header.width, bake.header.height])?;
     target.look = chosen(&target.document, &args.options, &bake.header.basis, console)?;
     let paths = (args.options.look.as_deref(), args.scene.as_deref());
     let measures = target.options.irradiance || target.look.shows_irradiance(target.format);
@@ -58,6 +59,7 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     let asked = args.bake.view.as_in(&target.document);
     let mut view =
         interrupt.watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &asked, sky.as_ref(), console))?;
+    target.options.window([view.film.width, view.film.height])?;
     target.look = chosen(&target.document, &args.relight, &view.scene.lighting.basis, console)?;
     target.told = Some(target.look.clone());
     // Nothing is kept of this bake, so that its lamps need not be movable.

@@ -100,8 +100,12 @@ pub(crate) fn requested_sky(
     console: &mut Console,
 ) -> Result<Option<SkyRequest>> {
     let mut typed = args.sky.clone();
-    if let Some(typed) = typed.as_mut().filter(|_| !look.is_some_and(SkySetting::names_a_sky)) {
-        console.warn_all(sky::load(typed, Path::new("")).context("cannot use --sky")?);
+    match &mut typed {
+        Some(_) if look.is_some_and(SkySetting::names_a_sky) => {
+            console.warn("--sky is left out: the look has a sky of its own, which counts");
+        }
+        Some(typed) => console.warn_all(sky::load(typed, Path::new("")).context("cannot use --sky")?),
+        None => {}
     }
     let typed = typed.and_then(|typed| typed.light(None));
     let light = look.map_or_else(|| typed.clone(), |look| look.light(typed.as_ref()));
