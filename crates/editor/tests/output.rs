@@ -535,4 +535,11 @@ fn a_typed_sky_that_gives_way_to_that_of_a_look_is_told() {
     assert!(is_told(json!({ "file": "uniform" }), &typed));
     assert!(!is_told(json!({ "file": "uniform" }), &[]));
     assert!(!is_told(json!({ "intensity": 2 }), &typed), "it dims the typed one");
+    for command in ["bake", "render"] {
+        let (scene, out) = (at("room.gltf"), at(if command == "bake" { "a.transport" } else { "b.exr" }));
+        let line = [command, &scene, "-o", &out, "--size", "8x6", "--spp", "1", "--sky-patches", "577"];
+        assert!(answer(&line)["warnings"].to_string().contains("--sky-patches changes nothing"), "{command}");
+        let under_one = answer(&[&line[..], &typed].concat())["warnings"].to_string();
+        assert!(!under_one.contains("--sky-patches"), "{command}: {under_one}");
+    }
 }

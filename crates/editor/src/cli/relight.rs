@@ -18,7 +18,7 @@ use super::interrupt::discarded;
 use super::lamps::{self, Arriving, DIRECT_LUX, LampLight};
 use super::sequence::sequence;
 use super::view::{
-    inputs_of, load_bake, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_black,
+    inputs_of, load_bake, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_black, warn_of_no_sky,
     warn_of_unknown_lights,
 };
 use super::{picture, sheet::sheet};
@@ -56,6 +56,7 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     let kept = || discarded(&target.place);
     let form = args.bake.sky_form(&target.document);
     let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), form, console)?;
+    warn_of_no_sky(sky.as_ref(), args.bake.sky_patches, console);
     let asked = args.bake.view.as_in(&target.document);
     let mut view =
         interrupt.watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &asked, sky.as_ref(), console))?;

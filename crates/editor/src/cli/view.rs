@@ -112,6 +112,13 @@ pub(crate) fn requested_sky(
     Ok(light.map(|light| SkyRequest { light, form }))
 }
 
+/// Says so where a sky that is not there was asked for in patches.
+pub(super) fn warn_of_no_sky(sky: Option<&SkyRequest>, patches: Option<SkyForm>, console: &mut Console) {
+    if sky.is_none() && patches.is_some() {
+        console.warn("--sky-patches changes nothing: there is no sky; name one with --sky or in the look");
+    }
+}
+
 /// Chooses camera and film and builds what tracing needs.
 pub(crate) fn prepare_view(
     imported: Imported,
