@@ -501,3 +501,45 @@ fn a_bake_beyond_its_memory_is_refused_before_it_starts() {
     assert!(code != std::process::ExitCode::SUCCESS && said.contains("--memory allows"), "{said}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing was begun");
 }
+
+#[test]
+fn a_part_that_is_none_of_the_picture_is_refused_before_anything_else_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("room.gltf"), room()).unwrap();
+    // A name that is taken is found out when the lamp is put into the scene, before the bake.
+    let lamp = json!({ "key": "lamp", "type": "point", "position": [0, 0.2, 0], "strength": 40, "unit": "lm" });
+    std::fs::write(at("a.look"), json!({ "clerestory": 1, "lamps": [lamp] }).to_string()).unwrap();
+    let (scene, look, out) = (at("room.gltf"), at("a.look"), at("a.exr"));
+    for (part, words) in [(["--region", "0,0,17,8"], "does not lie within"), (["--width", "17"], "bake it larger")] {
+        let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+        let line = ["clerestory", "render", &scene, "--look", &look, "-o", &out, "--size", "16x12", "--spp", "1"];
+        let code = clerestory::cli::run(line.iter().chain(&part), &mut stdout, &mut stderr);
+        let said = String::from_utf8_lossy(&stderr);
+        assert!(code != std::process::ExitCode::SUCCESS && said.contains(words), "{said}");
+    }
+}
+
+#[test]
+fn a_typed_sky_that_gives_way_to_that_of_a_look_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("room.gltf"), room()).unwrap();
+    let is_told = |sky: serde_json::Value, more: &[&str]| {
+        std::fs::write(at("a.look"), json!({ "clerestory": 1, "sky": sky }).to_string()).unwrap();
+        let (scene, look, out) = (at("room.gltf"), at("a.look"), at("a.exr"));
+        let line = ["trace", &scene, "--look", &look, "-o", &out, "--size", "8x6", "--spp", "1"];
+        answer(&[&line[..], more].concat())["warnings"].to_string().contains("--sky is left out")
+    };
+    let typed = ["--sky", "uniform"];
+    assert!(is_told(json!({ "file": "uniform" }), &typed));
+    assert!(!is_told(json!({ "file": "uniform" }), &[]));
+    assert!(!is_told(json!({ "intensity": 2 }), &typed), "it dims the typed one");
+    for command in ["bake", "render"] {
+        let (scene, out) = (at("room.gltf"), at(if command == "bake" { "a.transport" } else { "b.exr" }));
+        let line = [command, &scene, "-o", &out, "--size", "8x6", "--spp", "1", "--sky-patches", "577"];
+        assert!(answer(&line)["warnings"].to_string().contains("--sky-patches changes nothing"), "{command}");
+        let under_one = answer(&[&line[..], &typed].concat())["warnings"].to_string();
+        assert!(!under_one.contains("--sky-patches"), "{command}: {under_one}");
+    }
+}

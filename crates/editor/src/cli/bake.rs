@@ -20,7 +20,7 @@ use super::args::{BakeArgs, BakeOptions, IrradianceArgs};
 use super::console::{Answer, Console, advance, duration_words};
 use super::estimate;
 use super::reuse::Earlier;
-use super::view::{View, inputs_of, load_look, on_threads, open_view, requested_sky, spare_look};
+use super::view::{View, inputs_of, load_look, on_threads, open_view, requested_sky, spare_look, warn_of_no_sky};
 use crate::black::black_words;
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
@@ -71,6 +71,7 @@ fn scene_job(scene: &Path, args: &BakeArgs, look: &Look, console: &mut Console) 
     }
     let asked = args.options.view.as_in(look);
     let sky = requested_sky(&asked, look.lights.sky.as_ref(), args.options.sky_form(look), console)?;
+    warn_of_no_sky(sky.as_ref(), args.options.sky_patches, console);
     let view = open_view(scene, &asked, sky.as_ref(), console)?;
     let unheeded = Look { scene: look.scene.clone(), ..Look::default() }.unheeded(&view.scene.lighting.basis);
     console.warn_all(unheeded);

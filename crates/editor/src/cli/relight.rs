@@ -18,7 +18,7 @@ use super::interrupt::discarded;
 use super::lamps::{self, Arriving, DIRECT_LUX, LampLight};
 use super::sequence::sequence;
 use super::view::{
-    inputs_of, load_bake, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_black,
+    inputs_of, load_bake, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_black, warn_of_no_sky,
     warn_of_unknown_lights,
 };
 use super::{picture, sheet::sheet};
@@ -39,6 +39,7 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
     }
     let mut target = Target::new(&args.options, console)?;
     let bake = load_bake(&args.transport)?;
+    target.options.window([bake.header.width, bake.header.height])?;
     target.look = chosen(&target.document, &args.options, &bake.header.basis, console)?;
     let paths = (args.options.look.as_deref(), args.scene.as_deref());
     let measures = target.options.irradiance || target.look.shows_irradiance(target.format);
@@ -55,9 +56,11 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     let kept = || discarded(&target.place);
     let form = args.bake.sky_form(&target.document);
     let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), form, console)?;
+    warn_of_no_sky(sky.as_ref(), args.bake.sky_patches, console);
     let asked = args.bake.view.as_in(&target.document);
     let mut view =
         interrupt.watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &asked, sky.as_ref(), console))?;
+    target.options.window([view.film.width, view.film.height])?;
     target.look = chosen(&target.document, &args.relight, &view.scene.lighting.basis, console)?;
     target.told = Some(target.look.clone());
     // Nothing is kept of this bake, so that its lamps need not be movable.

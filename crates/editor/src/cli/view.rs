@@ -100,12 +100,23 @@ pub(crate) fn requested_sky(
     console: &mut Console,
 ) -> Result<Option<SkyRequest>> {
     let mut typed = args.sky.clone();
-    if let Some(typed) = typed.as_mut().filter(|_| !look.is_some_and(SkySetting::names_a_sky)) {
-        console.warn_all(sky::load(typed, Path::new("")).context("cannot use --sky")?);
+    match &mut typed {
+        Some(_) if look.is_some_and(SkySetting::names_a_sky) => {
+            console.warn("--sky is left out: the look has a sky of its own, which counts");
+        }
+        Some(typed) => console.warn_all(sky::load(typed, Path::new("")).context("cannot use --sky")?),
+        None => {}
     }
     let typed = typed.and_then(|typed| typed.light(None));
     let light = look.map_or_else(|| typed.clone(), |look| look.light(typed.as_ref()));
     Ok(light.map(|light| SkyRequest { light, form }))
+}
+
+/// Says so where a sky that is not there was asked for in patches.
+pub(super) fn warn_of_no_sky(sky: Option<&SkyRequest>, patches: Option<SkyForm>, console: &mut Console) {
+    if sky.is_none() && patches.is_some() {
+        console.warn("--sky-patches changes nothing: there is no sky; name one with --sky or in the look");
+    }
 }
 
 /// Chooses camera and film and builds what tracing needs.

@@ -11,12 +11,14 @@ const MAX_LAYERS: usize = 256;
 pub(super) enum Channels {
     /// Red, green and blue.
     Color([Text; 3]),
+    /// X, Y and Z of CIE 1931.
+    Xyz([Text; 3]),
     /// Luminance alone.
     Gray(Text),
 }
 
-/// The first part with a picture, and its channels: R, G and B, else Y, else a layer in color, first of all one that
-/// Blender names `Combined`.
+/// The first part with a picture, and its channels: R, G and B, else Y without X and Z, else a layer in color, first of all one that
+/// Blender names `Combined`, else X, Y and Z. Small letters will do.
 ///
 /// # Errors
 /// The channels that there are, in words.
@@ -30,7 +32,8 @@ pub(super) fn of_picture(headers: &[Header]) -> Result<(&Header, Channels), Stri
         let mut layers = combined.chain(layers()).take(MAX_LAYERS);
         layers.find_map(|(header, prefix)| Some((header, in_color(header, prefix)?)))
     };
-    if let Some(found) = plain.or(gray).or_else(layer) {
+    let xyz = || flat().find_map(|header| Some((header, in_xyz(header)?)));
+    if let Some(found) = plain.or(gray).or_else(layer).or_else(xyz) {
         return Ok(found);
     }
     if flat().any(|header| named(header, b"RY").is_some()) {
@@ -42,8 +45,9 @@ pub(super) fn of_picture(headers: &[Header]) -> Result<(&Header, Channels), Stri
 }
 
 fn named(header: &Header, name: &[u8]) -> Option<Text> {
-    let channel = header.channels.list.iter().find(|channel| channel.name.as_slice() == name);
-    channel.map(|channel| channel.name.clone())
+    let names = || header.channels.list.iter().map(|channel| &channel.name);
+    let exact = names().find(|own| own.as_slice() == name);
+    exact.or_else(|| names().find(|own| own.as_slice().eq_ignore_ascii_case(name))).cloned()
 }
 
 fn in_color(header: &Header, prefix: &[u8]) -> Option<Channels> {
@@ -53,7 +57,11 @@ fn in_color(header: &Header, prefix: &[u8]) -> Option<Channels> {
 
 fn in_gray(header: &Header) -> Option<Channels> {
     let has_chroma = named(header, b"RY").is_some();
-    named(header, b"Y").filter(|_| !has_chroma).map(Channels::Gray)
+    named(header, b"Y").filter(|_| !has_chroma && in_xyz(header).is_none()).map(Channels::Gray)
+}
+
+fn in_xyz(header: &Header) -> Option<Channels> {
+    Some(Channels::Xyz([named(header, b"X")?, named(header, b"Y")?, named(header, b"Z")?]))
 }
 
 /// What stands before the R of layers, with the dot that ends it.

@@ -36,6 +36,7 @@ const OTHERS: &[(&[u8], &str, &str)] = &[
     (b"BLENDER", "a Blender file", "export it as glTF there"),
     (b"PXR-USDC", "a USD file", "export it as glTF, with Blender say"),
     (b"#usda", "a USD file", "export it as glTF, with Blender say"),
+    (b"CLERTRAN", "a baked transport", "name the scene that it was baked from"),
     (b"version https://git-lfs", "a stub of Git LFS", "fetch the file itself by `git lfs pull`"),
     (b"<", "a page or document (HTML or XML)", "download the file itself, or export the scene as glTF"),
 ];

@@ -148,12 +148,26 @@ mod tests {
             (&blender.concat(), [1.0, 2.0, 4.0]),
             (&[&color("beauty.", 1.0)[..], &[("Z", [8.0; 2])]].concat(), [1.0, 2.0, 4.0]),
             (&plain.concat(), [1.0, 2.0, 4.0]),
+            (&[("r", [1.0; 2]), ("g", [2.0; 2]), ("b", [4.0; 2])][..], [1.0, 2.0, 4.0]),
         ] {
             let (map, _) = decode_sky("a.exr", &exr(channels)).unwrap();
             assert_eq!(map.pixels(), [expected; 2], "{channels:?}");
         }
         let error = decode_sky("a.exr", &exr(&[("Z", [1.0; 2])])).unwrap_err().to_string();
         assert!(error.contains("but Z"), "{error}");
+    }
+
+    #[test]
+    fn a_sky_in_xyz_becomes_rec_709() {
+        for (xyz, expected) in
+            [([0.950_47, 1.0, 1.088_83], [1.0; 3]), ([0.357_576, 0.715_152, 0.119_192], [0.0, 1.0, 0.0])]
+        {
+            let channels: Vec<_> = ["X", "Y", "Z"].into_iter().zip(xyz.map(|value| [value; 2])).collect();
+            let (map, _) = decode_sky("a.exr", &exr(&channels)).unwrap();
+            for (value, expected) in map.pixels()[0].into_iter().zip(expected) {
+                assert!((value - expected).abs() < 1e-3, "{xyz:?}: {:?}", map.pixels()[0]);
+            }
+        }
     }
 
     /// A map of 4 × 2 pixels whose head says more, with its data window at a place.

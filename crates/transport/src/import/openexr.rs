@@ -12,6 +12,7 @@ use super::channels::{self, Channels};
 use super::files::{check_pixels, guarded, of_file, read_at_most};
 use super::primaries::{convert, into_rec709};
 use crate::camera::Film;
+use crate::light::REC709_FROM_XYZ;
 
 /// Largest file that is read.
 const MAX_FILE_BYTES: u64 = 4 << 30;
@@ -126,8 +127,12 @@ fn layer(headers: &[Header], wanted: Wanted, check: Check) -> Result<(Windows, C
         ));
     }
     // Gray is white, whatever the primaries.
-    let stated = header.shared_attributes.chromaticities.filter(|_| matches!(channels, Channels::Color(_)));
-    Ok((windows, channels, stated.map_or(Ok(None), |stated| into_rec709(&stated))))
+    let colors = match channels {
+        Channels::Gray(_) => Ok(None),
+        Channels::Xyz(_) => Ok(Some(REC709_FROM_XYZ)),
+        Channels::Color(_) => header.shared_attributes.chromaticities.map_or(Ok(None), |stated| into_rec709(&stated)),
+    };
+    Ok((windows, channels, colors))
 }
 
 /// The pixels that are wanted; those that the file does not store are black.
@@ -184,7 +189,7 @@ pub(super) fn decode(bytes: &[u8], wanted: Wanted, beside: Beside, check: Check)
             let image = if beside == Beside::Others { image.non_parallel() } else { image };
             image.from_buffered(Cursor::new(bytes)).map_err(of_exr)?.layer_data.channel_data.pixels
         }
-        Channels::Color([r, g, b]) => {
+        Channels::Color([r, g, b]) | Channels::Xyz([r, g, b]) => {
             let color = |canvas: &mut Canvas, at: Vec2<usize>, (r, g, b): (f32, f32, f32)| canvas.set(at, [r, g, b]);
             let channels = levels.required(r).required(g).required(b);
             let channels = channels.collect_pixels(|_, _| Canvas::new(size, begin), color);

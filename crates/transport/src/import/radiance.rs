@@ -1,11 +1,22 @@
 //! Radiance pictures in the unit that their heads tell.
 
-use std::io::Cursor;
+use std::borrow::Cow;
+use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
 
-use super::files::of_image;
+use super::files::{of_file, of_image};
+
+/// Where the head of a picture ends, at the latest, whose rows or columns run the other way.
+const MOST_HEAD_BYTES: u64 = 1 << 16;
+
+/// Which of rows and columns do not run from the top left.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Turned {
+    rows: bool,
+    columns: bool,
+}
 
 /// Width, height and linear pixels, row by row from the top left. Values are stored times all `EXPOSURE` and `COLORCORR` of the
 /// head, and divided by them here. Nothing is allocated before the size was checked.
@@ -17,9 +28,10 @@ pub(super) fn decode(
     bytes: &[u8],
     check: impl FnOnce([u32; 2]) -> Result<(), String>,
 ) -> Result<([u32; 2], Vec<[f32; 3]>), String> {
+    let (bytes, turned) = straightened(bytes).unwrap_or((Cow::Borrowed(bytes), Turned::default()));
     // Strictly its head would begin with `#?RADIANCE`; `#?RGBE` is as common.
-    let decoder = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(of_image)?;
-    let size = decoder.dimensions().into();
+    let decoder = HdrDecoder::new_nonstrict(Cursor::new(&*bytes)).map_err(of_image)?;
+    let size: [u32; 2] = decoder.dimensions().into();
     check(size)?;
     let head = decoder.metadata();
     let (exposure, (red, green, blue)) =
@@ -34,5 +46,78 @@ pub(super) fn decode(
     decoder.read_image(&mut raw).map_err(of_image)?;
     let value = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
     let pixel = |b: &[u8]| [value(b) / factors[0], value(&b[4..]) / factors[1], value(&b[8..]) / factors[2]];
-    Ok((size, raw.chunks_exact(12).map(pixel).collect()))
+    let mut pixels: Vec<[f32; 3]> = raw.chunks_exact(12).map(pixel).collect();
+    if turned.rows {
+        pixels.reverse();
+    }
+    // Backwards from the last pixel columns are turned as well.
+    if turned.rows != turned.columns {
+        for row in pixels.chunks_mut(size[0].max(1) as usize) {
+            row.reverse();
+        }
+    }
+    Ok((size, pixels))
+}
+
+/// Width and height from the head of a file.
+///
+/// # Errors
+/// As [`decode`].
+pub(super) fn size(mut file: impl BufRead + Seek) -> Result<[u32; 2], String> {
+    let error = match HdrDecoder::new_nonstrict(&mut file) {
+        Ok(decoder) => return Ok(decoder.dimensions().into()),
+        Err(error) => error,
+    };
+    let mut head = Vec::new();
+    file.seek(SeekFrom::Start(0)).map_err(|e| of_file(&e))?;
+    file.take(MOST_HEAD_BYTES).read_to_end(&mut head).map_err(|e| of_file(&e))?;
+    let Some((head, _)) = straightened(&head) else { return Err(of_image(error)) };
+    Ok(HdrDecoder::new_nonstrict(Cursor::new(&*head)).map_err(of_image)?.dimensions().into())
+}
+
+/// A file of rows from the bottom, or columns from the right, with a head as if they were not; `None` of any other file.
+#[expect(clippy::arithmetic_side_effects, reason = "places within the bytes")]
+fn straightened(bytes: &[u8]) -> Option<(Cow<'_, [u8]>, Turned)> {
+    let start = bytes.windows(2).position(|pair| pair == b"\n\n")? + 2;
+    let end = start + bytes[start..].iter().position(|&byte| byte == b'\n')?;
+    let words: Vec<&str> = std::str::from_utf8(&bytes[start..end]).ok()?.split_whitespace().collect();
+    let &[y, height, x, width] = words.as_slice() else { return None };
+    let turned = Turned { rows: y == "+Y", columns: x == "-X" };
+    let is_known = matches!((y, x), ("+Y" | "-Y", "+X" | "-X"));
+    if !is_known || turned == Turned::default() {
+        return None;
+    }
+    let straight = [&bytes[..start], format!("-Y {height} +X {width}").as_bytes(), &bytes[end..]].concat();
+    Some((Cow::Owned(straight), turned))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Gray pixels from 1 to 6, as they lie in the file.
+    fn picture(line: &str) -> Vec<u8> {
+        let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{line}\n").into_bytes();
+        // A mantissa of 16 times 2^(132 − 136).
+        (1..=6).for_each(|value: u8| bytes.extend([16 * value, 16 * value, 16 * value, 132]));
+        bytes
+    }
+
+    #[test]
+    fn rows_from_the_bottom_and_columns_from_the_right_are_turned_round() {
+        for (line, expected) in [
+            ("-Y 2 +X 3", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
+            ("+Y 2 +X 3", [4.0, 5.0, 6.0, 1.0, 2.0, 3.0]),
+            ("-Y 2 -X 3", [3.0, 2.0, 1.0, 6.0, 5.0, 4.0]),
+            ("+Y 2 -X 3", [6.0, 5.0, 4.0, 3.0, 2.0, 1.0]),
+        ] {
+            let bytes = picture(line);
+            let (told, pixels) = decode(&bytes, |_| Ok(())).expect(line);
+            assert_eq!((told, size(Cursor::new(&bytes))), ([3, 2], Ok([3, 2])), "{line}");
+            assert_eq!(pixels, expected.map(|value: f32| [value; 3]), "{line}");
+        }
+        let on_its_side = picture("+X 3 -Y 2");
+        assert!(size(Cursor::new(&on_its_side)).expect_err("columns first").contains("Orientation"));
+        assert!(decode(&on_its_side, |_| Ok(())).expect_err("columns first").contains("Orientation"));
+    }
 }

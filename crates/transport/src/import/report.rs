@@ -43,8 +43,10 @@ pub(super) struct Notes {
     pub warnings: Vec<String>,
 }
 
-/// More lines than anyone reads; the rest is counted.
+/// More lines than anyone reads.
 const MAX_LINES: usize = 100;
+/// Lines of one reason, so that a thousand nodes with the same fault leave room for another one.
+const MAX_OF_A_KIND: usize = 25;
 
 impl Notes {
     /// A fault of the file and what happens.
@@ -66,10 +68,39 @@ impl Notes {
 
 fn push_once(lines: &mut Vec<String>, line: String) {
     const MORE: &str = "there is more of this kind, which is not listed";
+    if lines.contains(&line) {
+        return;
+    }
+    let n_alike = lines.iter().filter(|other| reason(other) == reason(&line)).count();
+    let line = if n_alike < MAX_OF_A_KIND { line } else { format!("others: {}", reason(&line)) };
     if lines.len() == MAX_LINES {
         lines.push(MORE.to_owned());
     }
     if lines.len() < MAX_LINES && !lines.contains(&line) {
         lines.push(line);
+    }
+}
+
+/// A line without what it is about.
+fn reason(line: &str) -> &str {
+    line.split_once(": ").map_or(line, |(_, reason)| reason)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thousand_nodes_with_one_fault_leave_room_for_another() {
+        let mut notes = Notes::default();
+        (0..1000).for_each(|nth| notes.warn(format!("node {nth}: points and lines are left out")));
+        notes.warn("node 7: 3 normals for 4 vertices: they are ignored".to_owned());
+        let [first, .., others, last] = notes.warnings.as_slice() else { panic!("{:?}", notes.warnings) };
+        assert_eq!(notes.warnings.len(), MAX_OF_A_KIND + 2);
+        assert_eq!(
+            (first.as_str(), others.as_str()),
+            ("node 0: points and lines are left out", "others: points and lines are left out")
+        );
+        assert!(last.starts_with("node 7: 3 normals"), "{last}");
     }
 }

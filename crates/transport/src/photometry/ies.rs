@@ -22,10 +22,29 @@ fn tilt_of(line: &str) -> Option<&str> {
     name.trim().eq_ignore_ascii_case("TILT").then(|| tilt.trim())
 }
 
-/// Reads what follows the head; `tilt` is the index of its last line.
-#[expect(clippy::arithmetic_side_effects, reason = "a line number, and counts of at most `MAX_ANGLES`")]
+/// What is said of a file that the format does not allow.
+const DECIMAL_COMMAS: &str = "its decimals have commas for points, and are read so";
+
+/// Reads what follows the head; `tilt` is the index of its last line. Commas stand between numbers, unless the file holds just as many
+/// as it announces only with commas for decimal points.
 pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Read, Fault> {
-    let mut numbers = Numbers::new(lines, tilt + 1, Comma::Separates);
+    let separated = read_by(lines, tilt, Comma::Separates);
+    if matches!(separated, Ok((_, 0))) {
+        return separated.map(|(read, _)| read);
+    }
+    match read_by(lines, tilt, Comma::Decimal) {
+        Ok((mut read, 0)) => {
+            read.remarks.push(DECIMAL_COMMAS.to_owned());
+            Ok(read)
+        }
+        _ => separated.map(|(read, _)| read),
+    }
+}
+
+/// The same by what a comma means, and how many numbers are left over.
+#[expect(clippy::arithmetic_side_effects, reason = "a line number, and counts of at most `MAX_ANGLES`")]
+fn read_by(lines: &[&str], tilt: usize, comma: Comma) -> Result<(Read, usize), Fault> {
+    let mut numbers = Numbers::new(lines, tilt + 1, comma);
     if tilt_of(lines[tilt]).is_some_and(|tilt| tilt.eq_ignore_ascii_case("INCLUDE")) {
         skip_tilt(&mut numbers)?;
     }
@@ -68,7 +87,12 @@ pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Read, Fault> {
     let (measured, n_repeats) = measured.without_repeats(line)?;
     let symmetry = symmetry(planes, &measured.horizontal_deg).map_err(|reason| Fault { line, reason })?;
     let table = measured.into_table(symmetry);
-    Ok(Read { table, watts: Some(input_watts), remarks: remarks_on(n_negative, n_repeats) })
+    let n_left = numbers.n_left();
+    let mut remarks = remarks_on(n_negative, n_repeats);
+    if n_left > 0 {
+        remarks.push(format!("{n_left} numbers follow the last intensity that it announces: they are passed over"));
+    }
+    Ok((Read { table, watts: Some(input_watts), remarks }, n_left))
 }
 
 /// How intensities change as the luminaire is tilted; it hangs here as it was measured.

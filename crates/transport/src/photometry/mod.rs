@@ -104,7 +104,8 @@ impl PhotometricProfile {
         }
         // Names of makers may be in any encoding; what counts here is ASCII.
         let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes));
-        let text = text.replace("\r\n", "\n").replace('\r', "\n");
+        // A file that went through two systems ends its lines twice; EULUMDAT counts them.
+        let text = text.replace("\r\r\n", "\n").replace("\r\n", "\n").replace('\r', "\n");
         let lines: Vec<&str> = text.lines().collect();
         let is_ldt = file_name.rsplit('.').next().is_some_and(|end| end.eq_ignore_ascii_case("ldt"));
         let read = match ies::tilt_line(&lines) {

@@ -118,6 +118,12 @@ impl<'a> Numbers<'a> {
         if factor > 0.0 { Ok(factor) } else { Err(self.fault(format!("{what} is {factor}; it must be more than 0"))) }
     }
 
+    /// How many numbers follow.
+    pub fn n_left(self) -> usize {
+        let comma = self.comma;
+        self.words.filter(|(_, word)| parsed(word, comma).is_some()).count()
+    }
+
     /// A fault in the line of the last number.
     pub fn fault(&self, reason: String) -> Fault {
         Fault { line: self.line, reason }

@@ -106,12 +106,33 @@ fn the_corners_of_a_type_b_file_lie_where_its_axis_across_has_them() {
 fn lines_may_end_as_any_system_has_them() {
     let text = ies(1, &[0.0, 90.0], &[0.0], &[100.0, 50.0]);
     let known = parsed(&text);
-    for end in ["\n", "\r"] {
+    for end in ["\n", "\r", "\r\r\n"] {
         assert_eq!(parsed(&text.replace("\r\n", end)), known, "{end:?}");
     }
     let broken = text.replace("1000 1.0", "1000 0").replace("\r\n", "\r");
     let words = PhotometricProfile::parse(broken.as_bytes(), "a.ies").expect_err("a multiplier of 0").to_string();
     assert!(words.starts_with("line 5 of"), "{words}");
+    let counted = ldt(4, &[9.0; 6]);
+    assert_eq!(parsed(&counted.replace('\n', "\r\r\n")), parsed(&counted));
+}
+
+#[test]
+fn commas_are_decimal_points_where_only_so_a_file_holds_what_it_announces() {
+    let dotted = ies(1, &[0.0, 45.0, 90.0], &[0.0], &[100.5, 50.25, 7.0]).replace("1.0 1.0 10", "1.0 1.0 10.5");
+    let plain_head = dotted.replace("1000 1.0", "1000 1").replace("1.0 1.0 10.5", "1 1 10");
+    for text in [dotted, plain_head] {
+        let known = parsed(&text);
+        expect(&known, &[(AIM, 100.5), (X, 7.0), (X + AIM, 50.25)]);
+        assert!(known.remarks().is_empty(), "{:?}", known.remarks());
+        let (head, numbers) = text.split_once("TILT=NONE").expect("a head");
+        let commas = parsed(&format!("{head}TILT=NONE{}", numbers.replace('.', ",")));
+        assert_eq!((commas.light_bytes(), commas.watts()), (known.light_bytes(), known.watts()));
+        assert!(matches!(commas.remarks(), [one] if one.contains("commas")), "{:?}", commas.remarks());
+        assert_eq!(parsed(&format!("{head}TILT=NONE{}", numbers.replace(' ', ","))), known);
+        let more = parsed(&format!("{text}3 4\r\n"));
+        assert_eq!(more.light_bytes(), known.light_bytes());
+        assert!(matches!(more.remarks(), [one] if one.starts_with("2 numbers")), "{:?}", more.remarks());
+    }
 }
 
 #[test]

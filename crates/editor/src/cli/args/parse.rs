@@ -53,8 +53,10 @@ pub(super) fn parse_ies(text: &str) -> Result<IesRequest, String> {
 }
 
 pub(super) fn parse_sun_size(text: &str) -> Result<f32, String> {
-    let degrees = text.parse::<f32>().ok().filter(|degrees| (0.0..=90.0).contains(degrees));
-    degrees.ok_or_else(|| "write degrees from 0 to 90, such as 0.53".into())
+    let degrees = text.parse::<f32>().ok();
+    // A smaller disk is lost between the directions that single precision tells apart.
+    let degrees = degrees.filter(|degrees| *degrees == 0.0 || (0.001..=90.0).contains(degrees));
+    degrees.ok_or_else(|| "write degrees from 0.001 to 90, such as 0.53, or 0".into())
 }
 
 pub(super) fn parse_sensors(text: &str) -> Result<NodeGrid, String> {

@@ -55,6 +55,8 @@ fn numbers_out_of_range_are_refused() {
         ["--ies", "=a.ies"],
         ["--ies", "a="],
         ["--bounces", "-1"],
+        ["--sun-size", "91"],
+        ["--sun-size", "1e-25"],
         ["--sensors", "desk"],
         ["--sensors", "=4x4"],
         ["--sensors", "desk=4"],

@@ -2,8 +2,7 @@
 
 use std::io::{BufRead, Cursor, Seek, SeekFrom};
 
-use image::codecs::hdr::HdrDecoder;
-use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use image::{DynamicImage, ImageReader, Limits};
 
 use super::MAX_PIXELS;
 use crate::camera::Film;
@@ -52,7 +51,7 @@ pub(super) fn size(mut file: impl BufRead + Seek, n_bytes: u64) -> Result<[u32; 
     file.seek(SeekFrom::Start(0)).map_err(|e| of_file(&e))?;
     let size = guarded(|| match kind {
         Kind::OpenExr => openexr::shown_size(file, &|size| check_size(size, u64::MAX)),
-        Kind::Radiance => Ok(HdrDecoder::new_nonstrict(file).map_err(of_image)?.dimensions().into()),
+        Kind::Radiance => radiance::size(file),
         Kind::Encoded => {
             let reader = ImageReader::new(file).with_guessed_format().map_err(|e| of_file(&e))?;
             Ok(reader.into_dimensions().map_err(of_image)?.into())

@@ -375,6 +375,7 @@ fn files_of_other_kinds_are_told_with_a_remedy() {
         (b"\x1F\x8B\x08", "gzip", "unpack"),
         (b"Kaydara FBX Binary  \0", "FBX", "export it as glTF"),
         (b"PXR-USDC\0", "USD", "export it as glTF"),
+        (b"CLERTRAN\x01\0\0\0", "transport", "name the scene"),
         (b"version https://git-lfs.github.com/spec/v1\noid", "Git LFS", "git lfs pull"),
         (b"\n<!DOCTYPE html><html>", "HTML", "download"),
     ] {
