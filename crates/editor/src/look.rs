@@ -4,7 +4,7 @@
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
 #![cfg_attr(not(test), deny(clippy::cast_possible_truncation, clippy::cast_sign_loss))]
 
-mod bookmarks;
+pub mod bookmarks;
 mod damage;
 pub mod display;
 pub mod fade;

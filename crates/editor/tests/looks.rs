@@ -850,6 +850,18 @@ fn opening_a_look_over_unsaved_work_asks_and_undo_brings_back_the_file_too() {
 }
 
 #[test]
+fn an_edit_that_is_taken_back_is_seen_though_a_moment_of_the_timeline_was() {
+    let mut window = two_keys();
+    click(&mut window, "Mute panel");
+    let track = area_of(&window, "Timeline ruler");
+    drag(&mut window, track.left_top() + vec2(60.0, 8.0), track.left_top() + vec2(12.0, 8.0));
+    window.get_by_label("Take over");
+    click(&mut window, "Undo");
+    assert!(!window.state().look().lights.own_setting("panel").muted);
+    assert!(window.query_by_label("Take over").is_none(), "the lights are seen that were changed");
+}
+
+#[test]
 fn the_delete_key_is_for_what_was_chosen_last() {
     let mut window = two_keys();
     click(&mut window, "Add lamp");
@@ -867,4 +879,9 @@ fn the_delete_key_is_for_what_was_chosen_last() {
     assert_eq!(counts(&window), (1, 1), "nothing is chosen");
     click(&mut window, "Undo");
     assert_eq!(counts(&window), (2, 1));
+    drag(&mut window, key, key + eframe::egui::vec2(6.0, 0.0));
+    click(&mut window, "Timeline");
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    assert_eq!(counts(&window), (2, 1), "a key of the timeline that is not seen stays");
 }

@@ -220,7 +220,7 @@ impl App {
             Side::Snapshot(_) => self.prints.picture(&Slot::Side(idx)).map(|(texture, _)| texture),
         };
         let (left, right) = (texture(0)?, texture(1)?);
-        let names = [0, 1].map(|idx| in_row(compare.sides[idx].words()));
+        let names = [0, 1].map(|idx| in_row(&compare.sides[idx].words()));
         Some((left, Compared { right, names, way: compare.way }))
     }
 

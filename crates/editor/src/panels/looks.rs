@@ -57,6 +57,9 @@ impl LooksState {
 
 /// Said where a document holds as many looks as it can.
 const FULL: &str = "There are as many looks as a file holds; delete one first";
+/// Said where something is to be written that is not there yet.
+const NO_PICTURE: &str = "There is no picture yet";
+const NO_SCENE: &str = "No scene is open yet";
 /// Letters of a name that a row has room for.
 const MOST_LETTERS: usize = 40;
 
@@ -128,15 +131,18 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView
             look.keep("Look");
         }
         ui.add_enabled_ui(view.basis.is_some() && look.has_room(Preset::ALL.len()), |ui| {
+            let why = if view.basis.is_none() { NO_SCENE } else { FULL };
             ui.menu_button("Presets", |ui| presets_menu(ui, look, view.basis))
                 .response
-                .on_hover_text("Looks made of what the scene has");
+                .on_hover_text("Looks made of what the scene has")
+                .on_disabled_hover_text(why);
         });
         if !look.snapshots.is_empty() {
             ui.separator();
             tools_ui(ui, look, state);
             let sheet = ui.add_enabled(view.can_export, Button::new("Contact sheet…"));
-            if sheet.on_hover_text("Write the pictures of all looks, with their names, as one PNG").clicked() {
+            let hint = "Write the pictures of all looks, with their names, as one PNG";
+            if sheet.on_hover_text(hint).on_disabled_hover_text(NO_PICTURE).clicked() {
                 actions.push(Action::Ask(FileTask::SaveSheet));
             }
         }
@@ -167,6 +173,8 @@ fn tools_ui(ui: &mut Ui, look: &Look, state: &mut LooksState) {
         state.timeline = !state.timeline;
         if !state.timeline {
             state.player.stop();
+            // What is not seen is not deleted by a key.
+            state.player.let_go();
         }
     }
 }

@@ -127,7 +127,8 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
         }
     }
     let button = ui.add_enabled(state.has_picture, Button::new("Export…"));
-    if button.on_hover_text(format!("Write the picture as PNG or linear EXR, {export}")).clicked() {
+    let button = button.on_hover_text(format!("Write the picture as PNG or linear EXR, {export}"));
+    if button.on_disabled_hover_text("There is no picture yet").clicked() {
         actions.push(Action::Ask(FileTask::Export));
     }
 }

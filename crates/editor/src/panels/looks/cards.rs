@@ -60,9 +60,9 @@ pub(super) fn card_ui(
         state.renaming = Some((idx, name.clone()));
     }
     let hint = match mark {
-        Mark::Off => "Click to light the scene like this",
+        Mark::Off => "Click the picture to light the scene like this",
         Mark::On => "This look is on",
-        Mark::Changed => "This look was on; the lights were changed since",
+        Mark::Changed => "This look was on, and was changed since; click the picture to go back to it",
     };
     let keys = if idx < WITH_KEY { format!("\n{}", ui.ctx().format_shortcut(&take_keys(idx))) } else { String::new() };
     let response = response.on_hover_text(format!(
