@@ -1045,7 +1045,8 @@ fn what_was_to_follow_a_save_that_failed_does_not_follow_a_later_one() {
     window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("missing/a.look").display().to_string());
     window.run_steps(3);
     click(&mut window, "Save");
-    assert!(window.query_by_label_contains("missing").is_some(), "it cannot be written");
+    window.get_by_label_contains("missing does not exist; create it first");
+    click(&mut window, "Cancel");
     let closes = |window: &Window| {
         let commands = window.output().viewport_output.values().flat_map(|output| output.commands.iter());
         commands.filter(|command| matches!(command, eframe::egui::ViewportCommand::Close)).count()
@@ -1061,4 +1062,13 @@ fn what_was_to_follow_a_save_that_failed_does_not_follow_a_later_one() {
         assert_eq!(closes(&window), 0, "the window stays");
     }
     assert!(path.exists());
+}
+
+#[test]
+fn without_a_picture_nobody_is_asked_where_it_is_to_go() {
+    let mut window = open(Source::File("none.glb".into()));
+    window.key_press_modifiers(Modifiers::COMMAND, Key::E);
+    window.run_steps(3);
+    assert!(window.query_by_label_contains("There is no picture to write yet").is_some());
+    assert!(window.query_by_label("Path").is_none());
 }
