@@ -806,6 +806,23 @@ fn a_look_that_another_editor_changed_is_not_overwritten_unasked() {
 }
 
 #[test]
+fn a_look_that_was_read_in_part_does_not_replace_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("torn.look");
+    let text = r#"{"clerestory": 1, "lights": {"lamp": {"muted": true}, "panel": {"intensity": "much"}}}"#;
+    std::fs::write(&path, text).unwrap();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path.clone())));
+    wait(&mut window, |app| app.look().lights.lights.contains_key("lamp"));
+    window.run_steps(3);
+    assert!(window.query_by_label_contains("saving asks for another file").is_some());
+    window.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    window.run_steps(3);
+    window.get_by_label("Path");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+}
+
+#[test]
 fn opening_a_look_over_unsaved_work_asks_and_undo_brings_back_the_file_too() {
     let folder = tempfile::tempdir().unwrap();
     let [first, second] = ["first.look", "second.look"].map(|name| folder.path().join(name));

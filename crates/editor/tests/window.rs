@@ -1072,3 +1072,18 @@ fn without_a_picture_nobody_is_asked_where_it_is_to_go() {
     assert!(window.query_by_label_contains("There is no picture to write yet").is_some());
     assert!(window.query_by_label("Path").is_none());
 }
+
+#[test]
+fn a_file_that_is_dropped_while_one_is_asked_for_is_taken_as_the_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("dim.look");
+    std::fs::write(&path, r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 0.25}}}"#).unwrap();
+    let mut window = baked();
+    click(&mut window, "Open look…");
+    drop_all(&mut window, &[&path]);
+    window.run_steps(2);
+    assert!(window.state().look().lights.lights.is_empty(), "nothing is opened behind the question");
+    click(&mut window, "Open");
+    wait(&mut window, |app| !app.look().lights.lights.is_empty());
+    assert!(window.query_by_label("Path").is_none());
+}

@@ -163,6 +163,11 @@ impl FileQuestion {
         self.folder.join(self.path.trim())
     }
 
+    /// Takes the path of a file that was dropped on the window.
+    pub fn fill_in(&mut self, path: &Path) {
+        self.path = path.display().to_string();
+    }
+
     /// What the file is wanted for.
     pub fn task(&self) -> FileTask {
         self.task
