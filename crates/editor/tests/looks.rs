@@ -289,6 +289,17 @@ fn a_document_that_is_full_of_looks_takes_no_more() {
 }
 
 #[test]
+fn a_look_that_is_kept_is_seen_however_many_there_are() {
+    let mut window = baked();
+    for _ in 0..14 {
+        click(&mut window, "Keep look");
+    }
+    window.run_steps(20);
+    let (card, edge) = (area_of(&window, "Look Look 14"), area_of(&window, "Metering").left());
+    assert!(card.right() < edge, "{card} ends behind {edge}");
+}
+
+#[test]
 fn presets_are_made_of_the_lights_of_the_scene() {
     let mut window = baked();
     click(&mut window, "Presets");

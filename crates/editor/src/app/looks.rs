@@ -220,7 +220,10 @@ impl App {
             Side::Snapshot(_) => self.prints.picture(&Slot::Side(idx)).map(|(texture, _)| texture),
         };
         let (left, right) = (texture(0)?, texture(1)?);
-        let names = [0, 1].map(|idx| in_row(&compare.sides[idx].words()));
+        let names = [0, 1].map(|idx| match (&compare.sides[idx], self.looks.player.playhead) {
+            (Side::Present, Some(secs)) => format!("{secs:.2} s"),
+            (side, _) => in_row(&side.words()),
+        });
         Some((left, Compared { right, names, way: compare.way }))
     }
 

@@ -30,6 +30,10 @@ pub struct LooksState {
     pub(super) renaming: Option<(usize, String)>,
     /// Snapshot that is being dragged to another place.
     pub(super) dragged: Option<usize>,
+    /// Snapshots that there were when they were drawn last.
+    n_drawn: usize,
+    /// Whether there are more of them than then.
+    pub(super) has_more: bool,
     /// What went wrong with the last name, in words.
     pub(super) problem: Option<String>,
 }
@@ -90,6 +94,8 @@ pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &Loo
         *state = LooksState::default();
         return;
     }
+    let n_before = std::mem::replace(&mut state.n_drawn, look.snapshots.len());
+    state.has_more = state.n_drawn > n_before;
     ui.add_space(2.0);
     egui::ScrollArea::horizontal().id_salt("looks").auto_shrink([false, true]).show(ui, |ui| {
         ui.horizontal_top(|ui| {

@@ -2,8 +2,8 @@
 
 use anyhow::Result;
 use eframe::egui::{
-    self, Align2, Color32, CornerRadius, FontId, Key, Rect, Response, Sense, Stroke, StrokeKind, TextEdit, Ui, pos2,
-    vec2,
+    self, Align2, Color32, CornerRadius, FontId, Key, PointerButton, Rect, Response, Sense, Stroke, StrokeKind,
+    TextEdit, Ui, pos2, vec2,
 };
 
 use super::{FULL, LooksState, LooksView, in_row};
@@ -47,8 +47,12 @@ pub(super) fn card_ui(
         let painter = ui.painter().with_clip_rect(name_rect.intersect(ui.clip_rect()));
         painter.text(name_rect.left_center(), Align2::LEFT_CENTER, words, FontId::proportional(12.5), color);
     }
-    if response.drag_started() {
+    if response.drag_started_by(PointerButton::Primary) {
         state.dragged = Some(idx);
+    }
+    // One that was just kept may lie beyond the edge.
+    if state.has_more && mark == Mark::On {
+        response.scroll_to_me(None);
     }
     // The name is there to be renamed and dragged: a double-click on it must not relight the scene.
     let is_on_name = response.interact_pointer_pos().is_some_and(|pointer| name_rect.contains(pointer));
