@@ -304,7 +304,8 @@ impl FileTask {
     pub fn action(self, path: PathBuf) -> Action {
         let path = self.whole(path);
         match self {
-            FileTask::OpenScene | FileTask::OpenPictures => Action::Open(path),
+            FileTask::OpenScene => dropped(path),
+            FileTask::OpenPictures => Action::Open(path),
             FileTask::OpenLook => Action::OpenLook(path),
             FileTask::SaveLook => Action::SaveLook(path),
             FileTask::Export => Action::ExportImage(path),
@@ -356,6 +357,8 @@ mod tests {
         assert_eq!(FileTask::Export.action("a".into()), Action::ExportImage("a.png".into()));
         assert_eq!(FileTask::Export.action("a.exr".into()), Action::ExportImage("a.exr".into()));
         assert_eq!(FileTask::OpenScene.action("a".into()), Action::Open("a".into()));
+        let look = Action::OpenLook("a.look".into());
+        assert_eq!(FileTask::OpenScene.action("a.look".into()), look, "whatever is opened goes where it belongs");
     }
 
     #[test]

@@ -1090,3 +1090,23 @@ fn a_file_that_is_dropped_while_one_is_asked_for_is_taken_as_the_answer() {
     wait(&mut window, |app| !app.look().lights.lights.is_empty());
     assert!(window.query_by_label("Path").is_none());
 }
+
+#[test]
+fn work_that_was_recovered_in_part_is_offered_again() {
+    let home = tempfile::tempdir().unwrap();
+    let open = || ready_of(home.path());
+    let mut window = open();
+    click(&mut window, "Mute lamp");
+    let kept = home.path().join("unsaved/0.json");
+    wait(&mut window, |_| kept.exists());
+    drop(window);
+    let mut work: serde_json::Value = serde_json::from_slice(&std::fs::read(&kept).unwrap()).unwrap();
+    work["look"] = r#"{"clerestory": 1, "lights": {"lamp": {"muted": true}}, "sky": {"file": "none.hdr"}}"#.into();
+    std::fs::write(&kept, work.to_string()).unwrap();
+    let mut window = open();
+    click(&mut window, "Recover");
+    assert!(window.state().look().lights.lights["lamp"].muted && kept.exists());
+    drop(window);
+    let window = open();
+    window.get_by_label("Recover");
+}
