@@ -105,6 +105,9 @@ fn paint(ui: &Ui, response: &Response, picture: Rect, thumbnail: Option<(egui::T
         Mark::Off => Stroke::new(1.0, Color32::from_gray(62)),
     };
     painter.rect_stroke(picture, corner, stroke, StrokeKind::Outside);
+    if response.has_focus() {
+        painter.rect_stroke(picture.shrink(2.0), corner, ui.visuals().selection.stroke, StrokeKind::Inside);
+    }
 }
 
 fn rename_ui(ui: &mut Ui, rect: Rect, look: &mut Look, state: &mut LooksState) {

@@ -266,6 +266,7 @@ fn track_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
     let ruler = Ruler { rect, secs };
     drag_ui(ui, &response, &ruler, look, player);
     player.step(&look.timeline, arrows(ui, &response, FRAMES_WITH_SHIFT).x);
+    let mut focused = None;
     for (idx, key) in look.timeline.keys.iter().enumerate() {
         let center = pos2(ruler.x(key.secs), rect.top() + LINE);
         let place = Rect::from_center_size(center, egui::Vec2::splat(2.0 * REACH));
@@ -273,11 +274,15 @@ fn track_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
         let label = format!("Key {}: {} at {:.2} s", idx + 1, key.look, key.secs);
         key_response
             .widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, player.chosen == Some(idx), &label));
+        focused = focused.or(key_response.has_focus().then_some(place));
         if key_response.on_hover_text(format!("{label}\nDrag to move it")).clicked() {
             player.chosen = Some(idx);
         }
     }
     paint(ui, (&ruler, &response), &look.timeline, player);
+    if let Some(place) = focused {
+        ui.painter_at(rect).rect_stroke(place, 3.0, ui.visuals().selection.stroke, StrokeKind::Inside);
+    }
 }
 
 /// A press on a key drags it; elsewhere the playhead comes to the pointer.
