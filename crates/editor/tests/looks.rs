@@ -437,6 +437,17 @@ fn what_is_read_in_a_comparison_is_of_the_side_under_the_pointer() {
 }
 
 #[test]
+fn a_solo_counts_on_both_sides_of_a_comparison() {
+    let mut window = two_looks();
+    click(&mut window, "Solo panel");
+    compare(&mut window);
+    click(&mut window, "Side by side");
+    let sides = ["Picture", "Picture on the right"].map(|label| area_of(&window, label).center() + vec2(30.0, 60.0));
+    let both = sides.map(|at| told(&mut window, at));
+    assert_eq!(both[0][1..], both[1][1..], "the looks differ by a lamp that is not heard");
+}
+
+#[test]
 fn a_lamp_that_one_side_alone_has_is_counted_there() {
     let mut window = baked();
     click(&mut window, "Add lamp");

@@ -59,7 +59,7 @@ impl App {
         self.look_conflict_ui(ctx);
         self.recovery_ui(ctx);
         shortcuts_ui(ctx, &mut self.shortcuts);
-        hovered_files_ui(ctx);
+        hovered_files_ui(ctx, if self.question.is_some() { "Drop to take its path" } else { "Drop to open" });
     }
 
     /// Whether a question lies over the window.
@@ -283,7 +283,7 @@ fn side_frame(ui: &Ui) -> egui::Frame {
     egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 6))
 }
 
-fn hovered_files_ui(ctx: &Context) {
+fn hovered_files_ui(ctx: &Context, words: &str) {
     if ctx.input(|input| input.raw.hovered_files.is_empty()) {
         return;
     }
@@ -291,5 +291,5 @@ fn hovered_files_ui(ctx: &Context) {
     let (painter, area) = (ctx.layer_painter(layer), ctx.content_rect());
     painter.rect_filled(area, 0.0, egui::Color32::from_black_alpha(150));
     let font = egui::FontId::proportional(22.0);
-    painter.text(area.center(), egui::Align2::CENTER_CENTER, "Drop to open", font, theme::ACCENT);
+    painter.text(area.center(), egui::Align2::CENTER_CENTER, words, font, theme::ACCENT);
 }

@@ -1,6 +1,6 @@
 //! Looks in the window: their pictures, made when they or the bake change, and what is asked for about them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,6 +14,7 @@ use crate::export::ExportOptions;
 use crate::export::layers::LayerSet;
 use crate::look::Look;
 use crate::output::spare_inputs;
+use crate::panels::lights::heard;
 use crate::panels::looks::mix::{Compare, Side};
 use crate::panels::looks::timeline::toggle;
 use crate::panels::looks::{LooksView, in_row, looks_ui};
@@ -79,13 +80,14 @@ impl Prints {
         self.n_made
     }
 
-    /// Takes in what was made, and orders what is new. Fails with words for people.
+    /// Takes in what was made, and orders what is new; what is compared is seen under a solo. Fails with words for people.
     pub fn follow(
         &mut self,
         ctx: &Context,
         session: &Session,
         look: &Look,
         compare: Option<&Compare>,
+        solo: &BTreeSet<String>,
     ) -> Result<(), String> {
         let mut problem = Ok(());
         for print in self.printer.take() {
@@ -102,9 +104,15 @@ impl Prints {
             }
         }
         let thumbnails = look.snapshots.iter().map(|s| (Slot::Thumbnail(s.name.clone()), s.look()));
+        let under_solo = |mut seen: Look| {
+            if let Some(basis) = session.basis() {
+                seen.lights = heard(basis, &seen.lights, solo);
+            }
+            seen
+        };
         let sides = compare.iter().flat_map(|compare| compare.sides.iter().enumerate());
         let sides = sides.filter_map(|(idx, side)| match side {
-            Side::Snapshot(name) => Some((Slot::Side(idx), look.snapshot(name)?.look())),
+            Side::Snapshot(name) => Some((Slot::Side(idx), under_solo(look.snapshot(name)?.look()))),
             Side::Present => None,
         });
         self.order(session, thumbnails.chain(sides).collect());
