@@ -1110,3 +1110,16 @@ fn work_that_was_recovered_in_part_is_offered_again() {
     let window = open();
     window.get_by_label("Recover");
 }
+
+#[test]
+fn what_the_keyboard_comes_to_is_scrolled_into_sight() {
+    let mut window = baked();
+    window.set_size(vec2(1440.0, 420.0));
+    window.run_steps(4);
+    let place = |window: &Window| window.get_by_label("Denoise").rect();
+    assert!(place(&window).top() > 420.0, "it is below what is seen");
+    window.get_by_label("Denoise").focus();
+    window.run_steps(20);
+    let seen = place(&window);
+    assert!(seen.top() > 0.0 && seen.bottom() < 420.0, "{seen}");
+}

@@ -12,6 +12,7 @@ use crate::panels::dialogs::{UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
 use crate::panels::lights::{lights_ui, solo_banner_ui};
 use crate::panels::shortcuts::{close_by_key, shortcuts_ui};
+use crate::panels::sight::keep_in_sight;
 use crate::panels::status::{Status, status_ui};
 use crate::panels::toolbar::{ToolbarState, toolbar_ui};
 use crate::session::estimate::Forecast;
@@ -147,6 +148,7 @@ impl App {
                 self.camera_panel_ui(ui);
                 self.solving_ui(ui);
                 self.bake_panel_ui(ui);
+                keep_in_sight(ui, "settings");
             });
             ui.take_available_space();
         });

@@ -18,6 +18,7 @@ use crate::panels::lights::heard;
 use crate::panels::looks::mix::{Compare, Side};
 use crate::panels::looks::timeline::toggle;
 use crate::panels::looks::{LooksView, in_row, looks_ui};
+use crate::panels::sight::keep_in_sight;
 use crate::sequence::{Pattern, Sequence};
 use crate::session::lamps::LampLight;
 use crate::session::prints::{Lit, PrintOrder, Printer, Slot};
@@ -165,6 +166,7 @@ impl App {
             let area = egui::ScrollArea::vertical().id_salt("strip").max_height(most).min_scrolled_height(most);
             area.auto_shrink([false, true]).show(ui, |ui| {
                 looks_ui(ui, &mut self.look, &mut self.looks, &view, &mut self.actions);
+                keep_in_sight(ui, "strip");
             });
         });
     }

@@ -10,6 +10,7 @@ use eframe::egui::{self, Button, RichText, TextureId, Ui, Vec2};
 use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::presets::Preset;
+use crate::panels::sight::keep_in_sight;
 use crate::theme;
 use cards::card_ui;
 use mix::{Compare, Fade, Side, compare_ui, fade_ui};
@@ -108,6 +109,7 @@ pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &Loo
             }
             drop_ui(ui, look, state, &centers);
         });
+        keep_in_sight(ui, "cards");
     });
     if let Some(problem) = &state.problem {
         ui.label(RichText::new(problem).color(theme::ALERT).small());

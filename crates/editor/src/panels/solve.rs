@@ -6,6 +6,7 @@ use eframe::egui::{self, Button, Checkbox, CollapsingHeader, Grid, RichText, Scr
 use super::display::tone_name;
 use super::measure::{LuxBake, missing_ui, tools_ui};
 use super::number::{Number, before_drag};
+use super::sight::keep_in_sight;
 use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::wishes::{CURVES, Entry, Wanted, Where, Wishes};
@@ -286,6 +287,7 @@ fn limits_ui(ui: &mut Ui, wishes: &mut Wishes, view: &SolveView) {
                     _ => {}
                 }
             }
+            keep_in_sight(ui, "free list");
         });
     });
     Grid::new("limits").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
