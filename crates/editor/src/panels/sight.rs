@@ -9,10 +9,8 @@ const MOST_DEEP: usize = 100;
 /// No other area has the same `name`.
 pub fn keep_in_sight(ui: &Ui, name: &str) {
     let (own, focused) = (ui.unique_id(), ui.memory(|memory| memory.focused()));
-    let before = ui.data_mut(|data| {
-        let kept = data.get_temp_mut_or::<Option<Id>>(Id::unique(("in sight", name)), None);
-        std::mem::replace(kept, focused)
-    });
+    let kept = Id::unique(("in sight", name));
+    let before = ui.data_mut(|data| std::mem::replace(data.get_temp_mut_or::<Option<Id>>(kept, None), focused));
     let is_pressed = ui.input(|input| input.pointer.any_down() || input.pointer.any_released());
     let Some(id) = focused.filter(|_| focused != before && !is_pressed) else { return };
     let place = ui.ctx().viewport(|viewport| {
