@@ -274,6 +274,22 @@ fn a_look_with_a_file_is_saved_at_once_or_as_another() {
 }
 
 #[test]
+fn a_look_whose_folder_is_gone_is_asked_for_another_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let (gone, other) = (folder.path().join("gone"), folder.path().join("b.look"));
+    std::fs::create_dir(&gone).unwrap();
+    let mut window = baked();
+    save_as(&mut window, "Save look…", &gone.join("a.look"));
+    std::fs::remove_dir_all(&gone).unwrap();
+    click(&mut window, "Mute lamp");
+    click(&mut window, "Save look");
+    window.get_by_label("Path").set_text_value_accesskit(&other.display().to_string());
+    window.run_steps(3);
+    click(&mut window, "Save");
+    assert!(other.exists());
+}
+
+#[test]
 fn a_document_that_is_full_of_looks_takes_no_more() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("full.look");

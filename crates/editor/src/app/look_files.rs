@@ -170,9 +170,13 @@ impl App {
     }
 
     pub(super) fn save_look_again(&mut self) {
-        match self.look_path.clone() {
-            Some(path) => self.save_look(path),
-            None => self.ask(FileTask::SaveLook),
+        let Some(path) = self.look_path.clone() else { return self.ask(FileTask::SaveLook) };
+        match FileTask::SaveLook.refusal(&path) {
+            None => self.save_look(path),
+            Some(words) => {
+                self.complain(words);
+                self.ask(FileTask::SaveLook);
+            }
         }
     }
 }
