@@ -1,5 +1,6 @@
 //! Requests that are not edits of the look: pushed while the window is drawn, applied before the next frame.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use clerestory_transport::camera::Camera;
@@ -7,9 +8,11 @@ use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::lamps::LampShape;
 use serde::{Deserialize, Serialize};
 
+use crate::output::{PendingFile, ends_in_separator};
 use crate::panels::lamps::Pulled;
 use crate::picture::DeviceWish;
 use crate::sequence::Pattern;
+use crate::words::in_words;
 
 /// What a person asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -261,12 +264,32 @@ impl FileTask {
         matches!(self, FileTask::Export | FileTask::ExportFrames | FileTask::SaveSheet)
     }
 
-    /// The file that is meant by a path: one to be written gets an ending where it has none.
-    pub fn whole(self, mut path: PathBuf) -> PathBuf {
-        if self.writes() && path.extension().is_none() {
-            path.set_extension(self.extensions().1[0]);
+    /// The file that is meant by a path: one to be written gets an ending where it has none. Of files of a single kind, what stands
+    /// behind another dot is a part of the name, unless a file is called so.
+    pub fn whole(self, path: PathBuf) -> PathBuf {
+        let is_named = path.file_name().is_some() && !ends_in_separator(&path);
+        if !self.writes() || !is_named || self.has_ending(&path) {
+            return path;
         }
-        path
+        let mut name = path.into_os_string();
+        name.push(".");
+        name.push(self.extensions().1[0]);
+        name.into()
+    }
+
+    fn has_ending(self, path: &Path) -> bool {
+        let is_single = matches!(self, FileTask::SaveLook | FileTask::SaveBake | FileTask::SaveSchedule);
+        let is_own = |own: &OsStr| self.extensions().1.iter().any(|ending| own.eq_ignore_ascii_case(ending));
+        path.extension().is_some_and(|own| !is_single || is_own(own) || path.is_file())
+    }
+
+    /// Why nothing can be written or read at a path, in words; nothing where it can.
+    pub fn refusal(self, path: &Path) -> Option<String> {
+        if self.writes() {
+            return PendingFile::create(path).err().map(|error| in_words(&error));
+        }
+        let is_missing = path.try_exists().is_ok_and(|is_there| !is_there);
+        is_missing.then(|| format!("there is no {}; check the path", path.display()))
     }
 
     /// Whether something is there that is replaced if a path is written.
@@ -281,7 +304,8 @@ impl FileTask {
     pub fn action(self, path: PathBuf) -> Action {
         let path = self.whole(path);
         match self {
-            FileTask::OpenScene | FileTask::OpenPictures => Action::Open(path),
+            FileTask::OpenScene => dropped(path),
+            FileTask::OpenPictures => Action::Open(path),
             FileTask::OpenLook => Action::OpenLook(path),
             FileTask::SaveLook => Action::SaveLook(path),
             FileTask::Export => Action::ExportImage(path),
@@ -333,6 +357,28 @@ mod tests {
         assert_eq!(FileTask::Export.action("a".into()), Action::ExportImage("a.png".into()));
         assert_eq!(FileTask::Export.action("a.exr".into()), Action::ExportImage("a.exr".into()));
         assert_eq!(FileTask::OpenScene.action("a".into()), Action::Open("a".into()));
+        let look = Action::OpenLook("a.look".into());
+        assert_eq!(FileTask::OpenScene.action("a.look".into()), look, "whatever is opened goes where it belongs");
+    }
+
+    #[test]
+    fn a_dot_in_the_name_of_a_look_is_no_ending() {
+        for (name, whole) in [("Hall v1.2", "Hall v1.2.look"), ("a.LOOK", "a.LOOK"), ("", ""), ("none/", "none/")] {
+            assert_eq!(FileTask::SaveLook.whole(name.into()), PathBuf::from(whole));
+        }
+        assert_eq!(FileTask::SaveBake.whole("b.glb".into()), PathBuf::from("b.glb.transport"));
+        assert_eq!(FileTask::Export.whole("a.jpg".into()), PathBuf::from("a.jpg"), "the dialog says what is wrong");
+        let folder = tempfile::tempdir().unwrap();
+        let old = folder.path().join("old.json");
+        std::fs::write(&old, "{}").unwrap();
+        assert_eq!(FileTask::SaveLook.whole(old.clone()), old, "it is there, and may be replaced");
+        for (task, path) in [(FileTask::SaveLook, "b.look"), (FileTask::OpenLook, "old.json")] {
+            assert_eq!(task.refusal(&folder.path().join(path)), None);
+        }
+        for (task, path) in [(FileTask::SaveLook, "none/b.look"), (FileTask::OpenLook, "none.look")] {
+            assert!(task.refusal(&folder.path().join(path)).is_some_and(|words| words.contains("none")));
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "it was tried without a trace");
     }
 
     #[test]

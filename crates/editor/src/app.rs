@@ -439,7 +439,8 @@ impl eframe::App for App {
         self.advance_timeline(ctx);
         self.advance_daylight(ctx);
         self.follow(ctx);
-        if let Err(words) = self.prints.follow(ctx, &self.session, &self.look, self.looks.compare.as_ref()) {
+        let (compare, solo) = (self.looks.compare.as_ref(), &self.lights.solo);
+        if let Err(words) = self.prints.follow(ctx, &self.session, &self.look, compare, solo) {
             self.complain(words);
         }
     }

@@ -4,7 +4,7 @@
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
 #![cfg_attr(not(test), deny(clippy::cast_possible_truncation, clippy::cast_sign_loss))]
 
-mod bookmarks;
+pub mod bookmarks;
 mod damage;
 pub mod display;
 pub mod fade;
@@ -221,9 +221,11 @@ impl Look {
     /// relative to it.
     ///
     /// # Errors
-    /// If the file cannot be written.
+    /// If the file cannot be written, or would be too long to be read again.
     pub fn save(&self, path: &Path) -> Result<OnDisk> {
         let json = self.json_at(path);
+        let is_readable = json.len() as u64 <= MAX_BYTES;
+        anyhow::ensure!(is_readable, "{} would be too long to be opened again; delete looks first", path.display());
         write_whole(path, json.as_bytes())?;
         Ok(OnDisk::of(json.as_bytes()))
     }
@@ -315,6 +317,16 @@ mod tests {
             let (back, warnings) = Look::from_json(&look.to_json()).unwrap();
             assert!(back == look && warnings.is_empty(), "{} {warnings:?}", look.to_json());
         }
+    }
+
+    #[test]
+    fn a_file_that_would_not_be_read_again_is_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.look");
+        let mut look = Look::default();
+        look.names.insert("lamp".into(), "x".repeat(MAX_BYTES as usize));
+        let said = look.save(&path).unwrap_err().to_string();
+        assert!(said.contains("too long") && !path.exists(), "{said}");
     }
 
     #[test]

@@ -22,7 +22,7 @@ impl PendingFile {
     /// # Errors
     /// If the folder is missing or not writable, or a folder stands in the way.
     pub fn create(path: &Path) -> Result<PendingFile> {
-        if path.file_name().is_none() {
+        if path.file_name().is_none() || ends_in_separator(path) {
             bail!("cannot write {}: it names no file; add a file name", path.display());
         }
         if path.is_dir() {
@@ -76,6 +76,11 @@ impl Drop for PendingFile {
         drop(self.file.take());
         let _ = fs::remove_file(&self.temporary);
     }
+}
+
+/// Whether a path is written as that of a folder.
+pub fn ends_in_separator(path: &Path) -> bool {
+    path.as_os_str().to_string_lossy().ends_with(std::path::is_separator)
 }
 
 /// Writes a whole file, or leaves what was there.
@@ -181,5 +186,7 @@ mod tests {
         assert!(missing.contains("does not exist"), "{missing}");
         let in_the_way = PendingFile::create(folder.path()).unwrap_err().to_string();
         assert!(in_the_way.contains("is a folder"), "{in_the_way}");
+        let unnamed = PendingFile::create(&folder.path().join("none/")).unwrap_err().to_string();
+        assert!(unnamed.contains("names no file"), "{unnamed}");
     }
 }

@@ -17,6 +17,7 @@ pub mod messages;
 pub mod number;
 pub mod plot;
 pub mod shortcuts;
+pub mod sight;
 pub mod sky;
 pub mod solve;
 pub mod spots;

@@ -274,6 +274,22 @@ fn a_look_with_a_file_is_saved_at_once_or_as_another() {
 }
 
 #[test]
+fn a_look_whose_folder_is_gone_is_asked_for_another_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let (gone, other) = (folder.path().join("gone"), folder.path().join("b.look"));
+    std::fs::create_dir(&gone).unwrap();
+    let mut window = baked();
+    save_as(&mut window, "Save look…", &gone.join("a.look"));
+    std::fs::remove_dir_all(&gone).unwrap();
+    click(&mut window, "Mute lamp");
+    click(&mut window, "Save look");
+    window.get_by_label("Path").set_text_value_accesskit(&other.display().to_string());
+    window.run_steps(3);
+    click(&mut window, "Save");
+    assert!(other.exists());
+}
+
+#[test]
 fn a_document_that_is_full_of_looks_takes_no_more() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("full.look");
@@ -286,6 +302,17 @@ fn a_document_that_is_full_of_looks_takes_no_more() {
     assert!(is_full(&window), "a file with more could not be opened");
     context_menu(&mut window, "Look L1", "Delete");
     assert!(!is_full(&window));
+}
+
+#[test]
+fn a_look_that_is_kept_is_seen_however_many_there_are() {
+    let mut window = baked();
+    for _ in 0..14 {
+        click(&mut window, "Keep look");
+    }
+    window.run_steps(20);
+    let (card, edge) = (area_of(&window, "Look Look 14"), area_of(&window, "Metering").left());
+    assert!(card.right() < edge, "{card} ends behind {edge}");
 }
 
 #[test]
@@ -423,6 +450,17 @@ fn what_is_read_in_a_comparison_is_of_the_side_under_the_pointer() {
     for words in both {
         window.get_by_label(&format!("Probe 1, {}, {}", words[0], words[2]));
     }
+}
+
+#[test]
+fn a_solo_counts_on_both_sides_of_a_comparison() {
+    let mut window = two_looks();
+    click(&mut window, "Solo panel");
+    compare(&mut window);
+    click(&mut window, "Side by side");
+    let sides = ["Picture", "Picture on the right"].map(|label| area_of(&window, label).center() + vec2(30.0, 60.0));
+    let both = sides.map(|at| told(&mut window, at));
+    assert_eq!(both[0][1..], both[1][1..], "the looks differ by a lamp that is not heard");
 }
 
 #[test]
@@ -806,6 +844,23 @@ fn a_look_that_another_editor_changed_is_not_overwritten_unasked() {
 }
 
 #[test]
+fn a_look_that_was_read_in_part_does_not_replace_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("torn.look");
+    let text = r#"{"clerestory": 1, "lights": {"lamp": {"muted": true}, "panel": {"intensity": "much"}}}"#;
+    std::fs::write(&path, text).unwrap();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path.clone())));
+    wait(&mut window, |app| app.look().lights.lights.contains_key("lamp"));
+    window.run_steps(3);
+    assert!(window.query_by_label_contains("saving asks for another file").is_some());
+    window.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    window.run_steps(3);
+    window.get_by_label("Path");
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+}
+
+#[test]
 fn opening_a_look_over_unsaved_work_asks_and_undo_brings_back_the_file_too() {
     let folder = tempfile::tempdir().unwrap();
     let [first, second] = ["first.look", "second.look"].map(|name| folder.path().join(name));
@@ -850,6 +905,18 @@ fn opening_a_look_over_unsaved_work_asks_and_undo_brings_back_the_file_too() {
 }
 
 #[test]
+fn an_edit_that_is_taken_back_is_seen_though_a_moment_of_the_timeline_was() {
+    let mut window = two_keys();
+    click(&mut window, "Mute panel");
+    let track = area_of(&window, "Timeline ruler");
+    drag(&mut window, track.left_top() + vec2(60.0, 8.0), track.left_top() + vec2(12.0, 8.0));
+    window.get_by_label("Take over");
+    click(&mut window, "Undo");
+    assert!(!window.state().look().lights.own_setting("panel").muted);
+    assert!(window.query_by_label("Take over").is_none(), "the lights are seen that were changed");
+}
+
+#[test]
 fn the_delete_key_is_for_what_was_chosen_last() {
     let mut window = two_keys();
     click(&mut window, "Add lamp");
@@ -867,4 +934,9 @@ fn the_delete_key_is_for_what_was_chosen_last() {
     assert_eq!(counts(&window), (1, 1), "nothing is chosen");
     click(&mut window, "Undo");
     assert_eq!(counts(&window), (2, 1));
+    drag(&mut window, key, key + eframe::egui::vec2(6.0, 0.0));
+    click(&mut window, "Timeline");
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    assert_eq!(counts(&window), (2, 1), "a key of the timeline that is not seen stays");
 }

@@ -194,6 +194,24 @@ fn a_file_that_is_there_is_not_replaced_before_somebody_says_so() {
 }
 
 #[test]
+fn a_place_that_cannot_be_had_is_told_in_the_dialog_and_what_was_typed_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("renders/a.png");
+    let mut window = baked();
+    save_as(&mut window, "Export…", &path);
+    window.get_by_label_contains("renders does not exist; create it first");
+    assert_eq!(window.get_by_label("Path").accesskit_node().value().unwrap(), path.display().to_string());
+    std::fs::create_dir(folder.path().join("renders")).unwrap();
+    click(&mut window, "Save");
+    wait(&mut window, |_| path.exists());
+    assert!(window.query_by_label("Path").is_none());
+    ask_for(&mut window, "Open look…", &folder.path().join("none.look"));
+    click(&mut window, "Open");
+    window.get_by_label_contains("none.look; check the path");
+    window.get_by_label("Path");
+}
+
+#[test]
 fn pictures_that_are_black_although_lights_are_on_are_told_whatever_they_are_written_to() {
     let folder = tempfile::tempdir().unwrap();
     let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();

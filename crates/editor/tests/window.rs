@@ -798,8 +798,11 @@ fn messages_wait_for_their_reader_and_nothing_goes_while_a_slider_is_held() {
     let mut window = baked();
     let folder = tempfile::tempdir().unwrap();
     let told = |window: &Window, words: &str| window.query_all_by_label_contains(words).count();
-    for name in ["one", "two"] {
-        save_as(&mut window, "Save look…", &folder.path().join("missing").join(name).with_extension("look"));
+    for name in ["one.look", "two.look"] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, "nothing").unwrap();
+        drop_all(&mut window, &[&path]);
+        wait(&mut window, |app| !app.is_reading_look());
         window.run_steps(2);
     }
     assert_eq!((told(&window, "one.look"), told(&window, "two.look")), (1, 1), "the second leaves the first");
@@ -1045,7 +1048,8 @@ fn what_was_to_follow_a_save_that_failed_does_not_follow_a_later_one() {
     window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("missing/a.look").display().to_string());
     window.run_steps(3);
     click(&mut window, "Save");
-    assert!(window.query_by_label_contains("missing").is_some(), "it cannot be written");
+    window.get_by_label_contains("missing does not exist; create it first");
+    click(&mut window, "Cancel");
     let closes = |window: &Window| {
         let commands = window.output().viewport_output.values().flat_map(|output| output.commands.iter());
         commands.filter(|command| matches!(command, eframe::egui::ViewportCommand::Close)).count()
@@ -1061,4 +1065,61 @@ fn what_was_to_follow_a_save_that_failed_does_not_follow_a_later_one() {
         assert_eq!(closes(&window), 0, "the window stays");
     }
     assert!(path.exists());
+}
+
+#[test]
+fn without_a_picture_nobody_is_asked_where_it_is_to_go() {
+    let mut window = open(Source::File("none.glb".into()));
+    window.key_press_modifiers(Modifiers::COMMAND, Key::E);
+    window.run_steps(3);
+    assert!(window.query_by_label_contains("There is no picture to write yet").is_some());
+    assert!(window.query_by_label("Path").is_none());
+}
+
+#[test]
+fn a_file_that_is_dropped_while_one_is_asked_for_is_taken_as_the_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("dim.look");
+    std::fs::write(&path, r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 0.25}}}"#).unwrap();
+    let mut window = baked();
+    click(&mut window, "Open look…");
+    drop_all(&mut window, &[&path]);
+    window.run_steps(2);
+    assert!(window.state().look().lights.lights.is_empty(), "nothing is opened behind the question");
+    click(&mut window, "Open");
+    wait(&mut window, |app| !app.look().lights.lights.is_empty());
+    assert!(window.query_by_label("Path").is_none());
+}
+
+#[test]
+fn work_that_was_recovered_in_part_is_offered_again() {
+    let home = tempfile::tempdir().unwrap();
+    let open = || ready_of(home.path());
+    let mut window = open();
+    click(&mut window, "Mute lamp");
+    let kept = home.path().join("unsaved/0.json");
+    wait(&mut window, |_| kept.exists());
+    drop(window);
+    let mut work: serde_json::Value = serde_json::from_slice(&std::fs::read(&kept).unwrap()).unwrap();
+    work["look"] = r#"{"clerestory": 1, "lights": {"lamp": {"muted": true}}, "sky": {"file": "none.hdr"}}"#.into();
+    std::fs::write(&kept, work.to_string()).unwrap();
+    let mut window = open();
+    click(&mut window, "Recover");
+    assert!(window.state().look().lights.lights["lamp"].muted && kept.exists());
+    drop(window);
+    let window = open();
+    window.get_by_label("Recover");
+}
+
+#[test]
+fn what_the_keyboard_comes_to_is_scrolled_into_sight() {
+    let mut window = baked();
+    window.set_size(vec2(1440.0, 420.0));
+    window.run_steps(4);
+    let place = |window: &Window| window.get_by_label("Denoise").rect();
+    assert!(place(&window).top() > 420.0, "it is below what is seen");
+    window.get_by_label("Denoise").focus();
+    window.run_steps(20);
+    let seen = place(&window);
+    assert!(seen.top() > 0.0 && seen.bottom() < 420.0, "{seen}");
 }

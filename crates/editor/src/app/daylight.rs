@@ -9,6 +9,7 @@ use eframe::egui::{Context, Id, Panel, ScrollArea, Ui, UiBuilder};
 
 use super::App;
 use crate::look::sky;
+use crate::panels::sight::keep_in_sight;
 use crate::panels::sky::{NEW_SUN, SkyState, SkyView, sky_ui};
 use crate::session::Wake;
 use crate::session::aside::Aside;
@@ -119,6 +120,7 @@ impl App {
                     ui.scope_builder(alike, |ui| {
                         sky_ui(ui, &view, &mut self.look.lights, &mut self.daylight.state, &mut self.actions);
                     });
+                    keep_in_sight(ui, "sky");
                 });
         });
     }

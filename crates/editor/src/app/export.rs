@@ -50,7 +50,19 @@ impl App {
         is_glimpse
     }
 
+    /// Whether there is nothing that could be written yet, and says so.
+    pub(super) fn lacks_picture(&mut self) -> bool {
+        let is_lacking = self.session.shown.is_none();
+        if is_lacking {
+            self.complain("There is no picture to write yet; start the bake, or wait for it");
+        }
+        is_lacking
+    }
+
     pub(super) fn export(&mut self, path: PathBuf) {
+        if self.lacks_picture() {
+            return;
+        }
         self.say_begun(format!("Writing {}", path.display()));
         let (mut look, light) = (self.seen_look(), self.follower.final_lamp_light().cloned());
         if let Some(basis) = self.session.basis().filter(|_| self.export.layers == LayerSet::Groups) {

@@ -24,7 +24,7 @@ fn unused_name(task: FileTask, folder: &Path, stem: &str, after: &str) -> String
 
 impl App {
     pub(super) fn ask(&mut self, task: FileTask) {
-        if task.writes_pictures() && self.is_too_coarse() {
+        if task.writes_pictures() && (self.lacks_picture() || self.is_too_coarse()) {
             return;
         }
         let name = self.session.opened.as_ref().map_or("scene", |opened| opened.name.as_str());

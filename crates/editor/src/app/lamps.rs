@@ -71,6 +71,15 @@ impl App {
         Some((self.session.lamp_scene()?.clone(), shown.camera.clone()?, shown.film()))
     }
 
+    /// Whether the look has room for so many more lamps; complains where it has not.
+    fn has_room(&mut self, n_more: usize) -> bool {
+        let has_room = self.look.has_room_for_lamps(n_more);
+        if !has_room {
+            self.complain("there are as many lamps as a look holds; delete some first");
+        }
+        has_room
+    }
+
     pub(super) fn add_lamp(&mut self, shape: LampShape, at_px: Option<[f32; 2]>) {
         self.place_lamp(shape, None, at_px);
     }
@@ -105,6 +114,9 @@ impl App {
             self.complain("a lamp can be added once there is a picture of a scene");
             return;
         };
+        if !self.has_room(1) {
+            return;
+        }
         let (width, height) = (film.width as f32, film.height as f32);
         let px = at_px.map_or(Vec2::new(0.5 * width, 0.5 * height), Vec2::from);
         let (eye, direction) = (camera.position(), camera.direction(film, px));
@@ -171,7 +183,7 @@ impl App {
 
     pub(super) fn duplicate_lamps(&mut self) {
         let originals = self.lamps_in_hand();
-        if originals.is_empty() {
+        if originals.is_empty() || !self.has_room(originals.len()) {
             return;
         }
         self.as_one_step(|app| {
@@ -280,6 +292,9 @@ impl App {
             self.complain(format!("{name} can be made movable once the scene is open"));
             return None;
         };
+        if !self.has_room(1) {
+            return None;
+        }
         let lights = scene.lighting.basis.sources.iter().zip(&scene.lighting.emitters);
         let found = lights.filter_map(|(source, emitter)| match emitter {
             Emitter::Punctual(light) if source.key == key => Some((source, light)),

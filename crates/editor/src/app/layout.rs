@@ -12,6 +12,7 @@ use crate::panels::dialogs::{UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
 use crate::panels::lights::{lights_ui, solo_banner_ui};
 use crate::panels::shortcuts::{close_by_key, shortcuts_ui};
+use crate::panels::sight::keep_in_sight;
 use crate::panels::status::{Status, status_ui};
 use crate::panels::toolbar::{ToolbarState, toolbar_ui};
 use crate::session::estimate::Forecast;
@@ -59,7 +60,7 @@ impl App {
         self.look_conflict_ui(ctx);
         self.recovery_ui(ctx);
         shortcuts_ui(ctx, &mut self.shortcuts);
-        hovered_files_ui(ctx);
+        hovered_files_ui(ctx, if self.question.is_some() { "Drop to take its path" } else { "Drop to open" });
     }
 
     /// Whether a question lies over the window.
@@ -147,6 +148,7 @@ impl App {
                 self.camera_panel_ui(ui);
                 self.solving_ui(ui);
                 self.bake_panel_ui(ui);
+                keep_in_sight(ui, "settings");
             });
             ui.take_available_space();
         });
@@ -283,7 +285,7 @@ fn side_frame(ui: &Ui) -> egui::Frame {
     egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 6))
 }
 
-fn hovered_files_ui(ctx: &Context) {
+fn hovered_files_ui(ctx: &Context, words: &str) {
     if ctx.input(|input| input.raw.hovered_files.is_empty()) {
         return;
     }
@@ -291,5 +293,5 @@ fn hovered_files_ui(ctx: &Context) {
     let (painter, area) = (ctx.layer_painter(layer), ctx.content_rect());
     painter.rect_filled(area, 0.0, egui::Color32::from_black_alpha(150));
     let font = egui::FontId::proportional(22.0);
-    painter.text(area.center(), egui::Align2::CENTER_CENTER, "Drop to open", font, theme::ACCENT);
+    painter.text(area.center(), egui::Align2::CENTER_CENTER, words, font, theme::ACCENT);
 }

@@ -82,10 +82,13 @@ impl App {
     }
 
     fn take_look_of_file(&mut self, path: PathBuf, (mut look, mut warnings, on_disk): (Look, Vec<String>, OnDisk)) {
+        let mut is_whole = warnings.is_empty();
         if let Some(basis) = self.session.basis() {
             warnings.extend(look.unheeded(basis));
             for rig in look.rigs_mut() {
+                let n_lamps = rig.lamps.len();
                 rig.lamps.retain(|lamp| basis.source(&lamp.key).is_none());
+                is_whole &= rig.lamps.len() == n_lamps;
             }
         }
         look.scene = std::mem::take(&mut look.scene).or(&self.look.scene);
@@ -94,8 +97,12 @@ impl App {
         self.as_one_step(|app| app.look = look.clone());
         warnings.extend(self.heed_choice());
         let words = format!("Opened {}", path.display());
-        let problem = format!("{}: {}", path.display(), warnings.join(", "));
-        (self.saved_look, self.look_path, self.look_files.on_disk) = (look, Some(path), Some(on_disk));
+        let rest =
+            if is_whole { "" } else { "; saving asks for another file, since what was left out is in this one alone" };
+        let problem = format!("{}: {}{rest}", path.display(), warnings.join(", "));
+        let file = is_whole.then_some((path, on_disk));
+        self.saved_look = look;
+        (self.look_path, self.look_files.on_disk) = file.unzip();
         let after = self.standing();
         self.look_files.opened.push([before, after]);
         if warnings.is_empty() { self.say(words) } else { self.complain(problem) }
@@ -163,9 +170,13 @@ impl App {
     }
 
     pub(super) fn save_look_again(&mut self) {
-        match self.look_path.clone() {
-            Some(path) => self.save_look(path),
-            None => self.ask(FileTask::SaveLook),
+        let Some(path) = self.look_path.clone() else { return self.ask(FileTask::SaveLook) };
+        match FileTask::SaveLook.refusal(&path) {
+            None => self.save_look(path),
+            Some(words) => {
+                self.complain(words);
+                self.ask(FileTask::SaveLook);
+            }
         }
     }
 }

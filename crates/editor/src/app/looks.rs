@@ -1,6 +1,6 @@
 //! Looks in the window: their pictures, made when they or the bake change, and what is asked for about them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,9 +14,11 @@ use crate::export::ExportOptions;
 use crate::export::layers::LayerSet;
 use crate::look::Look;
 use crate::output::spare_inputs;
+use crate::panels::lights::heard;
 use crate::panels::looks::mix::{Compare, Side};
 use crate::panels::looks::timeline::toggle;
 use crate::panels::looks::{LooksView, in_row, looks_ui};
+use crate::panels::sight::keep_in_sight;
 use crate::sequence::{Pattern, Sequence};
 use crate::session::lamps::LampLight;
 use crate::session::prints::{Lit, PrintOrder, Printer, Slot};
@@ -79,13 +81,14 @@ impl Prints {
         self.n_made
     }
 
-    /// Takes in what was made, and orders what is new. Fails with words for people.
+    /// Takes in what was made, and orders what is new; what is compared is seen under a solo. Fails with words for people.
     pub fn follow(
         &mut self,
         ctx: &Context,
         session: &Session,
         look: &Look,
         compare: Option<&Compare>,
+        solo: &BTreeSet<String>,
     ) -> Result<(), String> {
         let mut problem = Ok(());
         for print in self.printer.take() {
@@ -102,9 +105,15 @@ impl Prints {
             }
         }
         let thumbnails = look.snapshots.iter().map(|s| (Slot::Thumbnail(s.name.clone()), s.look()));
+        let under_solo = |mut seen: Look| {
+            if let Some(basis) = session.basis() {
+                seen.lights = heard(basis, &seen.lights, solo);
+            }
+            seen
+        };
         let sides = compare.iter().flat_map(|compare| compare.sides.iter().enumerate());
         let sides = sides.filter_map(|(idx, side)| match side {
-            Side::Snapshot(name) => Some((Slot::Side(idx), look.snapshot(name)?.look())),
+            Side::Snapshot(name) => Some((Slot::Side(idx), under_solo(look.snapshot(name)?.look()))),
             Side::Present => None,
         });
         self.order(session, thumbnails.chain(sides).collect());
@@ -157,6 +166,7 @@ impl App {
             let area = egui::ScrollArea::vertical().id_salt("strip").max_height(most).min_scrolled_height(most);
             area.auto_shrink([false, true]).show(ui, |ui| {
                 looks_ui(ui, &mut self.look, &mut self.looks, &view, &mut self.actions);
+                keep_in_sight(ui, "strip");
             });
         });
     }
@@ -220,7 +230,10 @@ impl App {
             Side::Snapshot(_) => self.prints.picture(&Slot::Side(idx)).map(|(texture, _)| texture),
         };
         let (left, right) = (texture(0)?, texture(1)?);
-        let names = [0, 1].map(|idx| in_row(compare.sides[idx].words()));
+        let names = [0, 1].map(|idx| match (&compare.sides[idx], self.looks.player.playhead) {
+            (Side::Present, Some(secs)) => format!("{secs:.2} s"),
+            (side, _) => in_row(&side.words()),
+        });
         Some((left, Compared { right, names, way: compare.way }))
     }
 

@@ -107,19 +107,24 @@ impl App {
             Ok(read) => read,
             Err(error) => return self.complain(format!("the unsaved look cannot be read: {}", in_words(&error))),
         };
+        let is_whole = warnings.is_empty();
         self.look = look;
         (self.look_path, self.look_files.on_disk) = (left.work.look_path.clone(), left.work.on_disk);
         warnings.extend(self.heed_choice());
         match warnings.as_slice() {
             [] => self.say(format!("Recovered the look of {}", left.work.scene_name())),
-            some => self.complain(format!("Recovered in part: {}", some.join(", "))),
+            some if is_whole => self.complain(format!("Recovered: {}", some.join(", "))),
+            some => self.complain(format!("Recovered in part, offered again at the next start: {}", some.join(", "))),
         }
         // In the own slot before the other is given up.
         let work = self.work();
         if let Some(keeper) = &mut self.recovery.keeper {
             keeper.keep_now(&self.look, work);
         }
-        left.forget();
+        // What could not be read stays in its slot: a disk may be missing.
+        if is_whole {
+            left.forget();
+        }
     }
 
     /// The scene of the work could not be opened: it stays where it is and is offered at the next start.

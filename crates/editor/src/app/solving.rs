@@ -393,6 +393,9 @@ impl App {
         match self.solving.reading.take() {
             Some(Ok((path, Reading::NewWish, Ok(picture)))) => {
                 let (name, file) = (picture.name.clone(), path.display().to_string());
+                if !self.look.wishes.has_room() {
+                    return self.complain("there are as many wishes as a look holds; remove one first");
+                }
                 self.say(format!("{name} is among the wishes"));
                 self.solving.pictures.insert(file.clone(), Ok(Arc::new(picture)));
                 self.look.wishes.push(&name, Where::Whole, Wanted::Match { file, tone: None, exposure_ev: None });

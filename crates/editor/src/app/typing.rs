@@ -21,7 +21,10 @@ impl App {
         let files = ctx.input(|input| input.raw.dropped_files.clone());
         let waits = self.waits_for_an_answer();
         let asked = &mut self.typing.asked;
-        asked.extend(all_dropped(files.iter().map(|file| file.path().to_path_buf())));
+        match &mut self.question {
+            Some(question) => files.iter().for_each(|file| question.fill_in(file.path())),
+            None => asked.extend(all_dropped(files.iter().map(|file| file.path().to_path_buf()))),
+        }
         take_keys(ctx, waits, asked);
         let needs_text = asked.iter().any(|action| *action != Action::ToggleShortcuts);
         if needs_text && ends_typing(ctx) { Vec::new() } else { std::mem::take(asked) }

@@ -83,6 +83,7 @@ impl App {
         self.choices.sky = step.sky;
         if step.look != self.look {
             let before = std::mem::replace(&mut self.look, step.look);
+            self.show_lights_again(&before);
             self.looks.follow_names(&before, &self.look);
             self.follow_bookmarks(&before);
             self.follow_file_of_look(before);
@@ -139,8 +140,17 @@ impl App {
     /// What an edit that no pointer makes is: one step of undo.
     pub(super) fn as_one_step(&mut self, edit: impl FnOnce(&mut App)) {
         self.keep_step();
+        let before = self.steps.now.look.clone();
         edit(self);
         self.follow_sky();
+        self.show_lights_again(&before);
         self.keep_step();
+    }
+
+    /// Where lights or display were changed they are shown, and no moment of the timeline any more.
+    fn show_lights_again(&mut self, before: &Look) {
+        if (&self.look.lights, &self.look.display) != (&before.lights, &before.display) {
+            self.looks.player.stop();
+        }
     }
 }

@@ -13,6 +13,11 @@ const MAX_BOOKMARKS: usize = 500;
 /// How far a matrix may be from a rotation.
 const TURN_SLACK: f32 = 1e-3;
 
+/// Whether a file holds one more of them.
+pub fn has_room(bookmarks: &[Camera]) -> bool {
+    bookmarks.len() < MAX_BOOKMARKS
+}
+
 /// The bookmarks as a member of the document; none without any.
 pub(super) fn json(bookmarks: &[Camera]) -> Option<String> {
     let lines: Vec<String> = bookmarks.iter().map(|camera| format!("    {}", camera_json(camera))).collect();
@@ -93,6 +98,17 @@ mod tests {
         let (back, warnings) = Look::from_json(&look.to_json()).unwrap();
         assert_eq!(back, look);
         assert!(warnings.is_empty(), "{warnings:?}");
+    }
+
+    #[test]
+    fn a_file_with_as_many_views_as_there_is_room_for_is_read() {
+        let mut look = Look::default();
+        while has_room(&look.bookmarks) {
+            look.bookmarks.push(view());
+        }
+        assert_eq!(Look::from_json(&look.to_json()).unwrap().0, look);
+        look.bookmarks.push(view());
+        assert!(Look::from_json(&look.to_json()).is_err());
     }
 
     #[test]

@@ -37,6 +37,11 @@ pub fn below(position: Vec3) -> Vec3 {
 }
 
 impl Look {
+    /// Whether a file holds so many more lamps.
+    pub fn has_room_for_lamps(&self, n_more: usize) -> bool {
+        self.lights.lamps.len().saturating_add(n_more) <= MAX_LAMPS
+    }
+
     /// Takes a free lamp out, with its name and its places in groups. Answers what it was called.
     pub fn remove_lamp(&mut self, key: &str) -> String {
         self.lights.lamps.retain(|lamp| lamp.key != key);
@@ -350,6 +355,19 @@ mod tests {
         for words in ["`lamps[0].aim`", "`lamps[0].kelvin`", "`tube`", "`lamps[2].position`", "`lamps[3].key`"] {
             assert!(warnings.iter().any(|w| w.contains(words)), "{words} is not in {warnings:?}");
         }
+    }
+
+    #[test]
+    fn a_file_with_as_many_lamps_as_there_is_room_for_is_read() {
+        let mut look = Look::default();
+        while look.has_room_for_lamps(1) {
+            let name = format!("Lamp {}", look.lights.lamps.len());
+            look.lights.lamps.push(lamp(&name, LampShape::Point));
+        }
+        let n_lamps = look.lights.lamps.len();
+        assert_eq!(Look::from_json(&look.to_json()).unwrap().0.lights.lamps.len(), n_lamps);
+        look.lights.lamps.push(lamp("One more", LampShape::Point));
+        assert!(!look.has_room_for_lamps(0) && Look::from_json(&look.to_json()).is_err());
     }
 
     #[test]

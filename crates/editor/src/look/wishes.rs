@@ -98,6 +98,11 @@ impl Default for Wishes {
 }
 
 impl Wishes {
+    /// Whether a file holds one more.
+    pub fn has_room(&self) -> bool {
+        self.list.len() < MOST_WISHES
+    }
+
     /// One more wish; its name tells it from the others.
     pub fn push(&mut self, name: &str, place: Where, wanted: Wanted) {
         let is_taken = |name: &str| self.list.iter().any(|entry| entry.name == name);
@@ -302,6 +307,17 @@ mod tests {
         assert!(warnings.is_empty(), "{warnings:?}");
         assert_eq!(look.wishes.list[2].name, "Desk 2", "names tell wishes apart");
         assert!(!Look::default().to_json().contains("wishes"));
+    }
+
+    #[test]
+    fn a_file_with_as_many_wishes_as_there_is_room_for_is_read() {
+        let (wish, mut look) = (rich().wishes.list[3].clone(), Look::default());
+        while look.wishes.has_room() {
+            look.wishes.list.push(wish.clone());
+        }
+        assert_eq!(Look::from_json(&look.to_json()).unwrap().0, look);
+        look.wishes.list.push(wish);
+        assert!(Look::from_json(&look.to_json()).is_err());
     }
 
     #[test]

@@ -5,8 +5,9 @@ use eframe::egui::{self, Button, ComboBox, Grid, Key, RichText, TextEdit, Ui};
 
 use super::number::Number;
 use crate::action::Action;
+use crate::look::bookmarks::has_room;
 use crate::look::numbered_name;
-use crate::session::views::ViewEntry;
+use crate::session::views::{ViewEntry, sees_alike};
 use crate::sizes::bytes_words;
 use crate::theme::{self, Fold};
 use crate::viewport::flight::Habits;
@@ -36,6 +37,8 @@ pub struct CameraEdit<'a> {
 
 /// Width of the film that a focal length is told for, millimeters.
 const FILM_MM: f32 = 36.0;
+/// Said where a look holds as many bookmarks as it can.
+const FULL: &str = "There are as many bookmarks as a look holds; remove one first";
 /// Field of view, degrees.
 const FOV_DEG: std::ops::RangeInclusive<f32> = 1.0..=170.0;
 
@@ -66,10 +69,13 @@ fn mode_ui(ui: &mut Ui, view: &CameraView, actions: &mut Vec<Action>) {
 /// Cameras of the file and bookmarks.
 fn choice_ui(ui: &mut Ui, view: &CameraView, camera: &Camera, bookmarks: &mut Vec<Camera>, actions: &mut Vec<Action>) {
     row_ui(ui, |ui| {
-        if ui.button("Bookmark").on_hover_text("Keep this view in the look").clicked() {
+        let button = ui.add_enabled(has_room(bookmarks), Button::new("Bookmark"));
+        if button.on_hover_text("Keep this view in the look").on_disabled_hover_text(FULL).clicked() {
             let is_taken = |name: &str| view.cameras.iter().chain(&*bookmarks).any(|known| known.name == name);
             let name = numbered_name("Bookmark", is_taken);
-            bookmarks.push(Camera { name, ..camera.clone() });
+            bookmarks.push(Camera { name: name.clone(), ..camera.clone() });
+            // It is seen that the view is kept, and can be renamed at once.
+            actions.push(Action::NameView(name));
         }
         known_ui(ui, view.cameras, camera, bookmarks, actions);
     });
@@ -117,8 +123,9 @@ fn row_ui(ui: &mut Ui, content: impl FnOnce(&mut Ui)) {
 
 /// The views that there are to choose from.
 fn known_ui(ui: &mut Ui, cameras: &[Camera], camera: &Camera, bookmarks: &[Camera], actions: &mut Vec<Action>) {
-    let is_known = cameras.iter().chain(bookmarks).any(|known| known == camera);
-    let name = if is_known { camera.name.as_str() } else { "Free view" };
+    let known = || cameras.iter().chain(bookmarks);
+    let own = known().find(|known| *known == camera).or_else(|| known().find(|known| sees_alike(known, camera)));
+    let name = own.map_or("Free view", |known| known.name.as_str());
     let width = ui.available_width().max(40.0);
     let combo = ComboBox::from_id_salt("cameras").width(width).truncate().selected_text(name);
     let response = combo.show_ui(ui, |ui| {

@@ -64,6 +64,8 @@ pub struct FileQuestion {
     is_fresh: bool,
     /// The file that may be replaced without being asked for: the look's own, or that of the desktop's dialog, which asks itself.
     agreed: Option<PathBuf>,
+    /// The file that was decided on and cannot be had, and why, in words.
+    refused: Option<(PathBuf, String)>,
     /// The file that would be replaced, while that is being asked.
     replaces: Option<PathBuf>,
     /// The file that was looked for last, for the hint, and whether it was there.
@@ -90,8 +92,9 @@ impl FileQuestion {
     ) -> FileQuestion {
         let path = suggestion.into();
         let (agreed, native, is_fresh) = (own, None, true);
+        let (refused, replaces, looked_for) = (None, None, None);
         let mut question =
-            FileQuestion { task, path, folder, native, dialogs, is_fresh, agreed, replaces: None, looked_for: None };
+            FileQuestion { task, path, folder, native, dialogs, is_fresh, agreed, refused, replaces, looked_for };
         if dialogs == FileDialogs::Desktop && !task.asks_more() {
             question.browse();
         }
@@ -131,6 +134,7 @@ impl FileQuestion {
             }
             Ended::Closed if self.task.asks_more() => None,
             Ended::Chosen(path) => {
+                self.path = path.display().to_string();
                 self.agreed = Some(path.clone());
                 self.chosen(path).map(Some)
             }
@@ -139,9 +143,14 @@ impl FileQuestion {
         }
     }
 
-    /// The file that somebody decided on, unless that is to be asked first.
+    /// The file that somebody decided on, unless it cannot be had, or is to be asked about first.
     fn chosen(&mut self, path: PathBuf) -> Option<PathBuf> {
         let path = self.task.whole(path);
+        self.refused = self.task.refusal(&path).map(|words| (path.clone(), words));
+        if self.refused.is_some() {
+            self.is_fresh = true;
+            return None;
+        }
         if self.agreed.as_ref() != Some(&path) && self.task.replaces(&path) {
             self.replaces = Some(path);
             return None;
@@ -152,6 +161,11 @@ impl FileQuestion {
     /// The path that was typed, as a whole.
     fn place(&self) -> PathBuf {
         self.folder.join(self.path.trim())
+    }
+
+    /// Takes the path of a file that was dropped on the window.
+    pub fn fill_in(&mut self, path: &Path) {
+        self.path = path.display().to_string();
     }
 
     /// What the file is wanted for.
@@ -210,7 +224,9 @@ impl FileQuestion {
             [] => "A folder with one EXR, HDR, PNG or JPEG of the same view for each light".into(),
             endings => format!("Ends in .{}", endings.join(", .")),
         };
-        match &problem {
+        let meant = self.task.whole(self.place());
+        let refused = self.refused.as_ref().filter(|(path, _)| *path == meant).map(|(_, words)| words);
+        match problem.as_ref().or(refused) {
             Some(words) => ui.colored_label(ui.visuals().error_fg_color, words),
             None => ui.label(RichText::new(hint).weak().small()),
         };

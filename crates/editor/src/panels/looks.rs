@@ -10,6 +10,7 @@ use eframe::egui::{self, Button, RichText, TextureId, Ui, Vec2};
 use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::presets::Preset;
+use crate::panels::sight::keep_in_sight;
 use crate::theme;
 use cards::card_ui;
 use mix::{Compare, Fade, Side, compare_ui, fade_ui};
@@ -30,6 +31,10 @@ pub struct LooksState {
     pub(super) renaming: Option<(usize, String)>,
     /// Snapshot that is being dragged to another place.
     pub(super) dragged: Option<usize>,
+    /// Snapshots that there were when they were drawn last.
+    n_drawn: usize,
+    /// Whether there are more of them than then.
+    pub(super) has_more: bool,
     /// What went wrong with the last name, in words.
     pub(super) problem: Option<String>,
 }
@@ -57,6 +62,9 @@ impl LooksState {
 
 /// Said where a document holds as many looks as it can.
 const FULL: &str = "There are as many looks as a file holds; delete one first";
+/// Said where something is to be written that is not there yet.
+const NO_PICTURE: &str = "There is no picture yet";
+const NO_SCENE: &str = "No scene is open yet";
 /// Letters of a name that a row has room for.
 const MOST_LETTERS: usize = 40;
 
@@ -87,6 +95,8 @@ pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &Loo
         *state = LooksState::default();
         return;
     }
+    let n_before = std::mem::replace(&mut state.n_drawn, look.snapshots.len());
+    state.has_more = state.n_drawn > n_before;
     ui.add_space(2.0);
     egui::ScrollArea::horizontal().id_salt("looks").auto_shrink([false, true]).show(ui, |ui| {
         ui.horizontal_top(|ui| {
@@ -99,6 +109,7 @@ pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &Loo
             }
             drop_ui(ui, look, state, &centers);
         });
+        keep_in_sight(ui, "cards");
     });
     if let Some(problem) = &state.problem {
         ui.label(RichText::new(problem).color(theme::ALERT).small());
@@ -128,15 +139,18 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView
             look.keep("Look");
         }
         ui.add_enabled_ui(view.basis.is_some() && look.has_room(Preset::ALL.len()), |ui| {
+            let why = if view.basis.is_none() { NO_SCENE } else { FULL };
             ui.menu_button("Presets", |ui| presets_menu(ui, look, view.basis))
                 .response
-                .on_hover_text("Looks made of what the scene has");
+                .on_hover_text("Looks made of what the scene has")
+                .on_disabled_hover_text(why);
         });
         if !look.snapshots.is_empty() {
             ui.separator();
             tools_ui(ui, look, state);
             let sheet = ui.add_enabled(view.can_export, Button::new("Contact sheet…"));
-            if sheet.on_hover_text("Write the pictures of all looks, with their names, as one PNG").clicked() {
+            let hint = "Write the pictures of all looks, with their names, as one PNG";
+            if sheet.on_hover_text(hint).on_disabled_hover_text(NO_PICTURE).clicked() {
                 actions.push(Action::Ask(FileTask::SaveSheet));
             }
         }
@@ -167,6 +181,8 @@ fn tools_ui(ui: &mut Ui, look: &Look, state: &mut LooksState) {
         state.timeline = !state.timeline;
         if !state.timeline {
             state.player.stop();
+            // What is not seen is not deleted by a key.
+            state.player.let_go();
         }
     }
 }

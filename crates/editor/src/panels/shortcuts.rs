@@ -195,7 +195,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Esc while dragging a lamp"), "Put it back"),
         (words("A, then click"), "Aim the lamp at what is clicked"),
         (keys(&DUPLICATE), "Duplicate the lamp"),
-        (words("Del"), "Delete the lamp"),
+        (words("Del"), "Delete the lamp, or the key of the timeline, that was chosen last"),
         (format!("Click on a name, with Shift, with {command}"), "Select a light, all up to there, one more"),
         (format!("Click in the picture, with Shift or {command}"), "Select the light that shines there, or one more"),
         (words("[ and ]"), "Selected lights a third of a stop darker, brighter"),

@@ -6,6 +6,7 @@ use eframe::egui::{self, Button, Checkbox, CollapsingHeader, Grid, RichText, Scr
 use super::display::tone_name;
 use super::measure::{LuxBake, missing_ui, tools_ui};
 use super::number::{Number, before_drag};
+use super::sight::keep_in_sight;
 use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::wishes::{CURVES, Entry, Wanted, Where, Wishes};
@@ -28,6 +29,9 @@ pub enum Kind {
     /// No change.
     Keep,
 }
+
+/// Said where a look holds as many wishes as it can.
+const FULL: &str = "There are as many wishes as a look holds; remove one first";
 
 /// Kinds with their name, unit, a value to start with, and a hint.
 const KINDS: [(Kind, &str, &str, f64, &str); 4] = [
@@ -154,24 +158,26 @@ fn new_wish_ui(
         missing_ui(ui, view.lux_bake, actions);
     }
     ui.horizontal_wrapped(|ui| {
-        let can_add = marking.marks().is_some() && !lacks_lux;
+        let has_room = wishes.has_room();
+        let can_add = marking.marks().is_some() && !lacks_lux && has_room;
         let add = ui.add_enabled(can_add, Button::new("Add wish")).on_hover_text("For what is marked in the picture");
         let why = if lacks_lux { "This bake holds no illuminance" } else { "Mark a part of the picture first" };
-        if add.on_disabled_hover_text(why).clicked()
+        if add.on_disabled_hover_text(if has_room { why } else { FULL }).clicked()
             && let Some((marks, framing)) = marking.marks().zip(view.here.framing.clone())
         {
             let place = Where::Marked(Marked { framing, marks: marks.clone() });
             wishes.push(view.marked.unwrap_or("Wish"), place, state.wanted());
         }
         for (_, name) in &view.here.grids {
-            let is_for_grid = matches!(state.kind, Kind::Lux | Kind::Times);
+            let is_for_grid = matches!(state.kind, Kind::Lux | Kind::Times) && wishes.has_room();
             let hint = "For this sensor grid of the bake";
             if ui.add_enabled(is_for_grid, Button::new(format!("Add for {name}"))).on_hover_text(hint).clicked() {
                 wishes.push(name, Where::Sensors(name.clone()), state.wanted());
             }
         }
         let hint = "Lights that make the picture look like another one: EXR or HDR in cd/m², or PNG or JPEG";
-        if ui.button("Match picture…").on_hover_text(hint).clicked() {
+        let button = ui.add_enabled(wishes.has_room(), Button::new("Match picture…")).on_hover_text(hint);
+        if button.on_disabled_hover_text(FULL).clicked() {
             actions.push(Action::Ask(FileTask::OpenTarget));
         }
     });
@@ -281,6 +287,7 @@ fn limits_ui(ui: &mut Ui, wishes: &mut Wishes, view: &SolveView) {
                     _ => {}
                 }
             }
+            keep_in_sight(ui, "free list");
         });
     });
     Grid::new("limits").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {

@@ -1,6 +1,6 @@
 //! The bar at the top: files, undo, theme.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use eframe::egui::{self, Button, ThemePreference, Ui};
 
@@ -127,15 +127,15 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
         }
     }
     let button = ui.add_enabled(state.has_picture, Button::new("Export…"));
-    if button.on_hover_text(format!("Write the picture as PNG or linear EXR, {export}")).clicked() {
+    let button = button.on_hover_text(format!("Write the picture as PNG or linear EXR, {export}"));
+    if button.on_disabled_hover_text("There is no picture yet").clicked() {
         actions.push(Action::Ask(FileTask::Export));
     }
 }
 
 fn recent_menu(ui: &mut Ui, recent: &[PathBuf], actions: &mut Vec<Action>) {
     for path in recent {
-        let name = path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
-        if ui.button(name).on_hover_text(path.display().to_string()).clicked() {
+        if ui.button(recent_name(path, recent)).on_hover_text(path.display().to_string()).clicked() {
             actions.push(Action::Open(path.clone()));
             ui.close();
         }
@@ -146,6 +146,16 @@ fn recent_menu(ui: &mut Ui, recent: &[PathBuf], actions: &mut Vec<Action>) {
     if ui.button("Built-in gallery").clicked() {
         actions.push(Action::OpenBuiltIn);
         ui.close();
+    }
+}
+
+/// A file's name, with its folder where another one is called so.
+fn recent_name(path: &Path, recent: &[PathBuf]) -> String {
+    let name = path.file_name().map_or_else(|| path.display().to_string(), |name| name.display().to_string());
+    let is_alone = recent.iter().filter(|other| other.file_name() == path.file_name()).count() < 2;
+    match path.parent().and_then(Path::file_name).filter(|_| !is_alone) {
+        Some(folder) => format!("{name} in {}", folder.display()),
+        None => name,
     }
 }
 
@@ -178,5 +188,17 @@ fn theme_menu(ui: &mut Ui) {
             ui.ctx().set_theme(theme);
             ui.close();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_one_name_are_told_by_their_folders() {
+        let recent = ["/hall/scene.gltf", "/shop/scene.gltf", "/shop/room.glb"].map(PathBuf::from);
+        let names = recent.each_ref().map(|path| recent_name(path, &recent));
+        assert_eq!(names, ["scene.gltf in hall", "scene.gltf in shop", "room.glb"]);
     }
 }

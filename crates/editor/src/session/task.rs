@@ -398,7 +398,7 @@ pub(super) fn beside_the_window<T: Send>(
 /// Writes a scene with its lights as they are.
 pub(super) fn write_gltf(scene: &PreparedScene, source: Source, look: &Look, path: &Path, post: &Post) {
     let folder = source.path().as_deref().and_then(Path::parent).map(Path::to_path_buf);
-    let write = || -> Result<String> {
+    let write = || -> Result<(String, Option<String>)> {
         let bytes = match source {
             Source::BuiltIn => GALLERY.to_vec(),
             Source::Bytes { bytes, .. } => bytes,
@@ -407,10 +407,10 @@ pub(super) fn write_gltf(scene: &PreparedScene, source: Source, look: &Look, pat
             }
         };
         let warnings = Lit { bytes: &bytes, folder: folder.as_deref(), scene, look }.save(path)?;
-        let but = if warnings.is_empty() { String::new() } else { format!("; {}", warnings.join(", ")) };
-        Ok(format!("Saved {}{but}", path.display()))
+        let missing = (!warnings.is_empty()).then(|| format!("{}: {}", path.display(), warnings.join(", ")));
+        Ok((format!("Saved {}", path.display()), missing))
     };
-    post.written(write().map(|words| (words, None)));
+    post.written(write());
 }
 
 /// Writes the frames of a timeline one after the other.

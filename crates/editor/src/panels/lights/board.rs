@@ -16,6 +16,7 @@ use super::listed::Listed;
 use super::mix::Mix;
 use super::row;
 use super::scale::{Shown, number_ui};
+use crate::panels::sight::keep_in_sight;
 use crate::theme;
 
 /// Least and greatest width of what a strip holds, points.
@@ -103,6 +104,7 @@ pub(super) fn board_ui(ui: &mut Ui, mix: &mut Mix) {
             });
         }
         end_ui(ui, mix);
+        keep_in_sight(ui, "board");
     });
 }
 

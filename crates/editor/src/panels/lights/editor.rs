@@ -13,6 +13,7 @@ use super::row;
 use super::scale::{Measure, Shown, number_ui};
 use crate::panels::color::{KelvinChoice, Tint, kelvin_field_ui, tint_ui};
 use crate::panels::number::{Number, before_drag};
+use crate::panels::sight::keep_in_sight;
 
 /// Stops that a change may be.
 const MOST_EV: f64 = 20.0;
@@ -53,7 +54,10 @@ fn of_selected_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize], keys: &[String
     if let ([one], true) = (selected, mix.state.layout.view != LightsView::List) {
         let (lights, most) = (mix.lights, DETAILS * ui.ctx().content_rect().height());
         let area = ScrollArea::vertical().id_salt("details").max_height(most);
-        area.show(ui, |ui| row::below_ui(ui, mix, &lights[*one]));
+        area.show(ui, |ui| {
+            row::below_ui(ui, mix, &lights[*one]);
+            keep_in_sight(ui, "details");
+        });
     }
     ui.add_space(2.0);
 }

@@ -8,6 +8,7 @@ use super::groups::Item;
 use super::mix::Mix;
 use super::{group_row, row};
 use crate::look::groups::own_name;
+use crate::panels::sight::keep_in_sight;
 
 /// Lists from this long draw only the rows that are seen.
 pub(super) const LONG_FROM: usize = 300;
@@ -29,6 +30,7 @@ pub(super) fn list_ui(ui: &mut Ui, mix: &mut Mix) {
             }
         }
         end_ui(ui, mix);
+        keep_in_sight(ui, "list");
     });
 }
 

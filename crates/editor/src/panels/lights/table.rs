@@ -16,6 +16,7 @@ use super::mix::Mix;
 use super::row;
 use super::scale::{Shown, digits, number_ui};
 use crate::panels::color::{Tint, kelvin_field_ui};
+use crate::panels::sight::keep_in_sight;
 
 /// A column that the lines can be sorted by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,6 +95,7 @@ pub(super) fn table_ui(ui: &mut Ui, mix: &mut Mix) {
             }
         });
         end_ui(ui, mix);
+        keep_in_sight(ui, "table");
     });
 }
 

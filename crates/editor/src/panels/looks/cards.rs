@@ -2,8 +2,8 @@
 
 use anyhow::Result;
 use eframe::egui::{
-    self, Align2, Color32, CornerRadius, FontId, Key, Rect, Response, Sense, Stroke, StrokeKind, TextEdit, Ui, pos2,
-    vec2,
+    self, Align2, Color32, CornerRadius, FontId, Key, PointerButton, Rect, Response, Sense, Stroke, StrokeKind,
+    TextEdit, Ui, pos2, vec2,
 };
 
 use super::{FULL, LooksState, LooksView, in_row};
@@ -47,8 +47,12 @@ pub(super) fn card_ui(
         let painter = ui.painter().with_clip_rect(name_rect.intersect(ui.clip_rect()));
         painter.text(name_rect.left_center(), Align2::LEFT_CENTER, words, FontId::proportional(12.5), color);
     }
-    if response.drag_started() {
+    if response.drag_started_by(PointerButton::Primary) {
         state.dragged = Some(idx);
+    }
+    // One that was just kept may lie beyond the edge.
+    if state.has_more && mark == Mark::On {
+        response.scroll_to_me(None);
     }
     // The name is there to be renamed and dragged: a double-click on it must not relight the scene.
     let is_on_name = response.interact_pointer_pos().is_some_and(|pointer| name_rect.contains(pointer));
@@ -60,9 +64,9 @@ pub(super) fn card_ui(
         state.renaming = Some((idx, name.clone()));
     }
     let hint = match mark {
-        Mark::Off => "Click to light the scene like this",
+        Mark::Off => "Click the picture to light the scene like this",
         Mark::On => "This look is on",
-        Mark::Changed => "This look was on; the lights were changed since",
+        Mark::Changed => "This look was on, and was changed since; click the picture to go back to it",
     };
     let keys = if idx < WITH_KEY { format!("\n{}", ui.ctx().format_shortcut(&take_keys(idx))) } else { String::new() };
     let response = response.on_hover_text(format!(
@@ -101,6 +105,9 @@ fn paint(ui: &Ui, response: &Response, picture: Rect, thumbnail: Option<(egui::T
         Mark::Off => Stroke::new(1.0, Color32::from_gray(62)),
     };
     painter.rect_stroke(picture, corner, stroke, StrokeKind::Outside);
+    if response.has_focus() {
+        painter.rect_stroke(picture.shrink(2.0), corner, ui.visuals().selection.stroke, StrokeKind::Inside);
+    }
 }
 
 fn rename_ui(ui: &mut Ui, rect: Rect, look: &mut Look, state: &mut LooksState) {

@@ -1,5 +1,7 @@
 //! Two looks against each other: compared in the picture, or one becoming the other.
 
+use std::borrow::Cow;
+
 use clerestory_transport::basis::LightBasis;
 use eframe::egui::{ComboBox, RichText, Slider, Ui};
 
@@ -9,6 +11,9 @@ use crate::look::fade::fade;
 use crate::look::snapshot::Mark;
 use crate::panels::number::{Spelling, number_of, slider_ui};
 use crate::viewport::compare::Way;
+
+/// What the lights as they are now are called.
+const NOW: &str = "Now";
 
 /// What is seen on a side of a comparison.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -20,11 +25,12 @@ pub enum Side {
 }
 
 impl Side {
-    /// For people.
-    pub fn words(&self) -> &str {
+    /// For people. A look that is called as the present is stands between quotes.
+    pub fn words(&self) -> Cow<'_, str> {
         match self {
-            Side::Present => "Now",
-            Side::Snapshot(name) => name,
+            Side::Present => NOW.into(),
+            Side::Snapshot(name) if name == NOW => format!("“{name}”").into(),
+            Side::Snapshot(name) => name.into(),
         }
     }
 
@@ -103,10 +109,12 @@ pub(super) fn compare_ui(ui: &mut Ui, compare: &mut Compare, look: &Look) {
 }
 
 fn side_ui(ui: &mut Ui, label: &str, side: &mut Side, look: &Look) {
-    let response = ComboBox::from_id_salt(label).selected_text(in_row(side.words())).show_ui(ui, |ui| {
-        ui.selectable_value(side, Side::Present, Side::Present.words());
-        for snapshot in &look.snapshots {
-            ui.selectable_value(side, Side::Snapshot(snapshot.name.clone()), in_row(&snapshot.name));
+    let shown = in_row(&side.words());
+    let response = ComboBox::from_id_salt(label).selected_text(shown).show_ui(ui, |ui| {
+        ui.selectable_value(side, Side::Present, NOW);
+        for other in look.snapshots.iter().map(|snapshot| Side::Snapshot(snapshot.name.clone())) {
+            let words = in_row(&other.words());
+            ui.selectable_value(side, other, words);
         }
     });
     response.response.accessible_name(label);
@@ -160,8 +168,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_look_that_is_called_now_is_told_from_the_present() {
+        let words = |name: &str| Side::Snapshot(name.into()).words().into_owned();
+        assert_eq!([Side::Present.words().into_owned(), words("Now"), words("Day")], ["Now", "“Now”", "Day"]);
+    }
+
+    #[test]
     fn a_look_is_compared_with_what_differs_from_it() {
-        let left = |look: &Look| Compare::start(look).map(|compare| compare.sides[0].words().to_owned());
+        let left = |look: &Look| Compare::start(look).map(|compare| compare.sides[0].words().into_owned());
         let mut look = Look::default();
         assert_eq!(left(&look), None);
         look.keep("First");

@@ -5,7 +5,7 @@ use eframe::egui::{
     StrokeKind, Ui, pos2, vec2,
 };
 
-use super::{LooksView, in_row};
+use super::{LooksView, NO_PICTURE, in_row};
 use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::timeline::{Ease, FPS, Key, SECS, Timeline};
@@ -25,6 +25,8 @@ const LEAST_SECS: f32 = 5.0;
 const FRAMES_WITH_SHIFT: f32 = 10.0;
 /// Height of a list of looks, points; more of them are scrolled.
 const MENU_HEIGHT: f32 = 320.0;
+/// Said where a timeline is to be played or written that is empty.
+const NO_KEYS: &str = "Add a key first";
 /// Time between the last key and one that is added behind it.
 const NEXT_SECS: f32 = 2.0;
 
@@ -119,7 +121,7 @@ fn play_ui(ui: &mut Ui, look: &Look, player: &mut Player) {
     let has_keys = !look.timeline.keys.is_empty();
     let words = if player.playing { "Pause" } else { "Play" };
     let play = ui.add_enabled(has_keys, Button::new(words)).accessible_name("Play the timeline");
-    if play.on_hover_text("Play at real time, L").clicked() {
+    if play.on_hover_text("Play at real time, L").on_disabled_hover_text(NO_KEYS).clicked() {
         toggle(player, &look.timeline);
     }
     let back = ui.add_enabled(player.playhead.is_some(), Button::new("Stop")).accessible_name("Back to the lights");
@@ -211,7 +213,9 @@ fn frames_ui(ui: &mut Ui, look: &mut Look, view: &LooksView, actions: &mut Vec<A
     }
     let can_export = view.can_export && !look.timeline.keys.is_empty();
     let hint = "Write every frame as PNG or linear EXR; # stands for the digits of its number";
-    if ui.add_enabled(can_export, Button::new("Export frames…")).on_hover_text(hint).clicked() {
+    let why = if view.can_export { NO_KEYS } else { NO_PICTURE };
+    let export = ui.add_enabled(can_export, Button::new("Export frames…")).on_hover_text(hint);
+    if export.on_disabled_hover_text(why).clicked() {
         actions.push(Action::Ask(FileTask::ExportFrames));
     }
     let fps = Number::new(&mut look.timeline.fps).range(*FPS.start() as f32..=*FPS.end() as f32).suffix(" fps");
@@ -262,6 +266,7 @@ fn track_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
     let ruler = Ruler { rect, secs };
     drag_ui(ui, &response, &ruler, look, player);
     player.step(&look.timeline, arrows(ui, &response, FRAMES_WITH_SHIFT).x);
+    let mut focused = None;
     for (idx, key) in look.timeline.keys.iter().enumerate() {
         let center = pos2(ruler.x(key.secs), rect.top() + LINE);
         let place = Rect::from_center_size(center, egui::Vec2::splat(2.0 * REACH));
@@ -269,11 +274,15 @@ fn track_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
         let label = format!("Key {}: {} at {:.2} s", idx + 1, key.look, key.secs);
         key_response
             .widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, player.chosen == Some(idx), &label));
+        focused = focused.or(key_response.has_focus().then_some(place));
         if key_response.on_hover_text(format!("{label}\nDrag to move it")).clicked() {
             player.chosen = Some(idx);
         }
     }
     paint(ui, (&ruler, &response), &look.timeline, player);
+    if let Some(place) = focused {
+        ui.painter_at(rect).rect_stroke(place, 3.0, ui.visuals().selection.stroke, StrokeKind::Inside);
+    }
 }
 
 /// A press on a key drags it; elsewhere the playhead comes to the pointer.
