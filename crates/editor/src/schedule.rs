@@ -14,7 +14,7 @@ use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::emitters::Emitter;
 use clerestory_transport::import::read_profile;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
-use clerestory_transport::light::{LightSetting, luminance};
+use clerestory_transport::light::{LightSetting, PanelSpot, luminance};
 use clerestory_transport::prepared::PreparedScene;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -106,7 +106,6 @@ impl Schedule {
                     | SourceKind::Sun { .. }
             )
         };
-        let coefficients = basis.project(&look.lights);
         let of_source = |source: &LightSource| {
             let setting = look.lights.setting(&source.key);
             let emitter = scene.and_then(|scene| {
@@ -118,7 +117,7 @@ impl Schedule {
                 name: look.name_of(&source.key).to_owned(),
                 kind: source_words(source.kind),
                 is_on: !setting.muted,
-                lumen: source_lumen(source, &setting, look, &coefficients),
+                lumen: source_lumen(source, &setting, basis.spots_of(&look.lights, &source.key)),
                 profile: source.origin.profile.clone(),
                 watt: source.origin.watts.map(f64::from),
                 watt_source: None,
@@ -180,14 +179,14 @@ impl Luminaire {
     }
 }
 
-/// Flux of a light of the scene; of a panel with spots what these leave of it.
-fn source_lumen(source: &LightSource, setting: &LightSetting, look: &Look, coefficients: &[[f32; 3]]) -> Option<f64> {
-    if matches!(source.kind, SourceKind::Panel { .. }) && look.lights.panels.contains_key(&source.key) {
-        let texels = &coefficients[source.columns.start as usize..source.columns.end as usize];
-        let sum: f64 = texels.iter().map(|rgb| f64::from(luminance(Vec3::from(*rgb)))).sum();
-        return Some(sum / texels.len().max(1) as f64 * f64::from(source.origin.lumens?));
-    }
-    source.amount(setting, LampUnit::Lumen).map(f64::from)
+/// Flux of a light of the scene; of a panel with spots, of the look or of its file, what these leave of it.
+fn source_lumen(source: &LightSource, setting: &LightSetting, spots: Option<&Vec<PanelSpot>>) -> Option<f64> {
+    let is_panel = matches!(source.kind, SourceKind::Panel { .. });
+    let lumen = match spots.filter(|_| is_panel) {
+        Some(spots) => source.lumens_of_spots(setting, spots),
+        None => source.amount(setting, LampUnit::Lumen),
+    };
+    lumen.map(f64::from)
 }
 
 fn of_lamp(lamp: &FreeLamp, look: &Look) -> Luminaire {

@@ -13,6 +13,7 @@ use glam::{Vec2, Vec3};
 
 use super::App;
 use crate::action::FileTask;
+use crate::look::lamps::MAX_LAMPS;
 use crate::look::{groups, numbered_name};
 use crate::panels::lamps::{LampChoice, Pulled, kind_words};
 use crate::panels::lights::{ADDED, heard};
@@ -105,6 +106,9 @@ impl App {
             self.complain("a lamp can be added once there is a picture of a scene");
             return;
         };
+        if !self.has_room_for(1) {
+            return;
+        }
         let (width, height) = (film.width as f32, film.height as f32);
         let px = at_px.map_or(Vec2::new(0.5 * width, 0.5 * height), Vec2::from);
         let (eye, direction) = (camera.position(), camera.direction(film, px));
@@ -136,6 +140,15 @@ impl App {
             app.say(format!("Added {}", lamp.key));
             app.push_lamp(lamp);
         });
+    }
+
+    /// Whether a look that was saved could be opened again with so many lamps more; complains where it could not.
+    fn has_room_for(&mut self, n_lamps: usize) -> bool {
+        let has_room = self.look.lights.lamps.len() + n_lamps <= MAX_LAMPS;
+        if !has_room {
+            self.complain(format!("a look holds {MAX_LAMPS} lamps at most"));
+        }
+        has_room
     }
 
     fn push_lamp(&mut self, lamp: FreeLamp) {
@@ -171,7 +184,7 @@ impl App {
 
     pub(super) fn duplicate_lamps(&mut self) {
         let originals = self.lamps_in_hand();
-        if originals.is_empty() {
+        if originals.is_empty() || !self.has_room_for(originals.len()) {
             return;
         }
         self.as_one_step(|app| {
@@ -244,7 +257,8 @@ impl App {
 
     pub(super) fn aim_lamp(&mut self) {
         let can_aim = self.chosen_lamp().is_some_and(|idx| self.look.lights.lamps[idx].shape.is_aimed());
-        self.lights.lamps.aiming = can_aim && !self.lights.lamps.aiming;
+        // With the camera in hand the same key walks.
+        self.lights.lamps.aiming = can_aim && !self.lights.lamps.aiming && !self.camera.is_moving;
     }
 
     /// Mutes a lamp of the file and puts a free one of the same light in its place, in one step of undo.
@@ -280,6 +294,9 @@ impl App {
             self.complain(format!("{name} can be made movable once the scene is open"));
             return None;
         };
+        if !self.has_room_for(1) {
+            return None;
+        }
         let lights = scene.lighting.basis.sources.iter().zip(&scene.lighting.emitters);
         let found = lights.filter_map(|(source, emitter)| match emitter {
             Emitter::Punctual(light) if source.key == key => Some((source, light)),
