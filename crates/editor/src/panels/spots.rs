@@ -21,23 +21,29 @@ const KEY_STEP_TEXELS: f32 = 0.25;
 /// Distance in points at which a handle is still touched.
 pub const HANDLE_REACH: f32 = 14.0;
 
-/// Draws the section of one panel, which is called `name` and has a shape: texels along a side, and sides in meters. `chosen` is the panel and spot that were touched last.
+/// Draws the section of one panel, which is called `name` and has a shape: texels along a side, and sides in meters. `marked` are the spots
+/// that it has in its file, none where all of it shines there. `chosen` is the panel and spot that were touched last.
 pub fn spots_ui(
     ui: &mut Ui,
     (source, name): (&LightSource, &str),
     shape: (u32, [f32; 2]),
-    panels: &mut BTreeMap<String, Vec<PanelSpot>>,
+    (panels, marked): (&mut BTreeMap<String, Vec<PanelSpot>>, Option<&[PanelSpot]>),
     chosen: &mut Option<(String, usize)>,
 ) {
     let key = &source.key;
     ui.horizontal(|ui| {
         ui.add_space(50.0);
-        let is_uniform = !panels.contains_key(key);
-        if ui.selectable_label(is_uniform, "Uniform").on_hover_text("The whole panel shines").clicked() {
+        let is_untouched = !panels.contains_key(key);
+        let (words, hint) = match marked {
+            None => ("Uniform", "The whole panel shines"),
+            Some(_) => ("As in the file", "The spots that the file marks shine"),
+        };
+        if ui.selectable_label(is_untouched, words).on_hover_text(hint).clicked() {
             panels.remove(key);
         }
-        if ui.selectable_label(!is_uniform, "Spots").on_hover_text("Only spots of it shine").clicked() && is_uniform {
-            panels.insert(key.clone(), vec![NEW_SPOT]);
+        if ui.selectable_label(!is_untouched, "Spots").on_hover_text("Only spots of it shine").clicked() && is_untouched
+        {
+            panels.insert(key.clone(), marked.map_or_else(|| vec![NEW_SPOT], <[PanelSpot]>::to_vec));
             *chosen = Some((key.clone(), 0));
         }
     });

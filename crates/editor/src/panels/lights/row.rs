@@ -283,7 +283,9 @@ pub(super) fn below_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
         LightOf::Scene(source) => {
             if let SourceKind::Panel { resolution, size_m } = source.kind {
                 let of = (*source, light.name.as_str());
-                spots_ui(ui, of, (resolution, size_m), &mut mix.look.lights.panels, &mut mix.state.spot);
+                let marked = mix.basis.spots.get(&light.key).map(Vec::as_slice);
+                let spots = (&mut mix.look.lights.panels, marked);
+                spots_ui(ui, of, (resolution, size_m), spots, &mut mix.state.spot);
             }
         }
         LightOf::Look(lamp, _) if mix.state.lamps.is_chosen(&lamp.key) => {
