@@ -455,6 +455,24 @@ fn powers_are_divided_by_the_floor_of_the_scene_or_of_what_is_marked() {
 }
 
 #[test]
+fn a_floor_area_that_was_typed_is_that_of_one_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = with_table(folder.path()).0;
+    let other = folder.path().join("other.gltf");
+    std::fs::copy(&path, &other).unwrap();
+    let mut window = measured_at(Source::File(path), 1);
+    click(&mut window, "Measure");
+    window.get_by_label("Floor area").set_value_accesskit(2.5);
+    window.run_steps(3);
+    let typed = |window: &Window| window.get_by_label("Floor area").accesskit_node().numeric_value();
+    assert_eq!(typed(&window), Some(2.5));
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(other)));
+    let is_other = |app: &App| app.session().opened.as_ref().is_some_and(|opened| opened.name.contains("other"));
+    wait(&mut window, |app| is_other(app) && app.session().bake == BakeState::Done && app.is_settled());
+    assert_eq!(typed(&window), Some(0.0));
+}
+
+#[test]
 fn the_floor_is_measured_once_somebody_looks_where_its_area_is_told() {
     let mut window = measured();
     window.run_steps(20);

@@ -150,6 +150,11 @@ impl Solving {
         *self = Solving { schedule, ..Solving::new(wake) };
     }
 
+    /// The area of floor that was typed is that of one scene.
+    pub fn forget_floor(&mut self) {
+        self.schedule.floor_m2 = 0.0;
+    }
+
     /// The look as the picture shows it: under a solution that waits, where that is previewed.
     pub fn previewed<'a>(&self, look: &'a Look) -> Cow<'a, Look> {
         match &self.state.solution {
