@@ -7,6 +7,7 @@ mod desk;
 use clerestory::app::{App, Start};
 use clerestory::export::options::Region;
 use clerestory::look::Look;
+use clerestory::look::wishes::Wanted;
 use clerestory::session::{BakeState, Source};
 use clerestory_transport::camera::{Film, Pose};
 use clerestory_transport::lamps::LampShape;
@@ -14,7 +15,9 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Role, ViewportCommand, 
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Window, ask_for, baked, click, drag, reach, room, save_as, there_and_back, type_keys, type_over, wait};
+use desk::{
+    Dropped, Window, ask_for, baked, click, drag, reach, room, save_as, there_and_back, type_keys, type_over, wait,
+};
 
 fn intensity(window: &Window) -> f32 {
     window.state().look().lights.own_setting("lamp").intensity
@@ -261,6 +264,24 @@ fn the_largest_factor_of_solve_may_begin_with_a_small_digit() {
     assert_eq!(bounds(window.state()), [5.0, 20.0]);
     type_over(&mut window, "Least factor", "30");
     assert_eq!(bounds(window.state()), [30.0, 30.0]);
+}
+
+#[test]
+fn numbers_of_a_look_that_no_hand_would_set_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bright.look");
+    let json = r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 2e6}},
+        "wishes": {"keep": 0, "list": [{"name": "bright", "cd_m2": 2e6, "weight": 500}]}}"#;
+    std::fs::write(&path, json).unwrap();
+    let mut window = baked();
+    click(&mut window, "Solve for light");
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path)));
+    wait(&mut window, |app| !app.look().wishes.list.is_empty());
+    window.run_steps(8);
+    assert_eq!(intensity(&window), 2e6);
+    let wishes = &window.state().look().wishes;
+    assert_eq!((wishes.keep, wishes.list[0].weight), (0.0, 500.0));
+    assert_eq!(wishes.list[0].wanted, Wanted::Luminance(2e6));
 }
 
 #[test]

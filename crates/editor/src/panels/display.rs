@@ -167,8 +167,9 @@ fn white_rows(ui: &mut Ui, white: &mut Option<WhitePoint>) {
     let label = ui.label("Temperature");
     ui.spacing_mut().slider_width = (ui.available_width() - 78.0).max(60.0);
     let kelvins = *WHITE_KELVIN.start() as f32..=*WHITE_KELVIN.end() as f32;
-    let slider =
-        Slider::new(&mut white.kelvin, kelvins).logarithmic(true).trailing_fill(false).fixed_decimals(0).suffix(" K");
+    // What a look says more exactly stays.
+    let slider = Slider::new(&mut white.kelvin, kelvins).logarithmic(true).clamping(SliderClamping::Edits);
+    let slider = slider.trailing_fill(false).fixed_decimals(0).suffix(" K");
     let slider = slider_ui(ui, slider, Spelling::with_unit(" K")).labelled_by(label.id);
     slider.on_hover_text("Color temperature of the light that is shown as neutral");
     ui.end_row();

@@ -1,7 +1,9 @@
 //! Solve for light: wishes for parts of the picture, the lights that may change for them, and what came of it.
 
 use clerestory_relight::Tone;
-use eframe::egui::{self, Button, Checkbox, CollapsingHeader, Grid, RichText, ScrollArea, Slider, Ui, vec2};
+use eframe::egui::{
+    self, Button, Checkbox, CollapsingHeader, Grid, RichText, ScrollArea, Slider, SliderClamping, Ui, vec2,
+};
 
 use super::display::tone_name;
 use super::measure::{LuxBake, missing_ui, tools_ui};
@@ -224,7 +226,8 @@ fn wanted_ui(ui: &mut Ui, wish: &mut Entry, here: &Here) {
     match value {
         Some(value) => {
             let speed = (0.01 * *value).max(0.01);
-            let drag = Number::new(value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
+            let drag = Number::new(value).range(0.0..=1e6).leaves_what_is_outside().speed(speed).suffix(unit);
+            let drag = drag.max_decimals(2);
             let tip = format!("What is wanted there{}{}", if unit.is_empty() { "" } else { ", in" }, unit);
             ui.add(drag).on_hover_text(tip).accessible_name(name);
         }
@@ -233,8 +236,8 @@ fn wanted_ui(ui: &mut Ui, wish: &mut Entry, here: &Here) {
             ui.label(unit);
         }
     }
-    let weight = Number::new(&mut wish.weight).range(0.01..=100.0).speed(0.02).prefix("weight ");
-    ui.add(weight)
+    let weight = Number::new(&mut wish.weight).range(0.01..=100.0).leaves_what_is_outside();
+    ui.add(weight.speed(0.02).prefix("weight "))
         .on_hover_text("How much it counts beside the others")
         .accessible_name(format!("{} weight", wish.name));
 }
@@ -301,7 +304,7 @@ fn limits_ui(ui: &mut Ui, wishes: &mut Wishes, view: &SolveView) {
         ui.end_row();
         ui.label("Rest");
         let keep = Slider::new(&mut wishes.keep, 1e-4..=1.0).logarithmic(true).show_value(false);
-        ui.add(keep)
+        ui.add(keep.clamping(SliderClamping::Edits))
             .on_hover_text("How much the rest of the picture is kept: left hardly, right as much as a wish counts")
             .accessible_name("Keep the rest");
         ui.end_row();
