@@ -152,6 +152,12 @@ impl Schedule {
         self.shining().filter(|luminaire| luminaire.watt.is_none()).count()
     }
 
+    /// A sentence for each lamp that shines and tells no flux.
+    pub fn untold(&self) -> Vec<String> {
+        let untold = self.shining().filter(|luminaire| luminaire.lumen.is_none());
+        untold.map(|luminaire| format!("`{}` tells no lumen and counts in no total", luminaire.key)).collect()
+    }
+
     /// Lumen per watt of all that shine and tell both.
     pub fn lumen_per_watt(&self) -> Option<f64> {
         let both = self.shining().filter_map(|luminaire| Some((luminaire.lumen?, luminaire.watt?)));

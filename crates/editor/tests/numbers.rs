@@ -267,6 +267,17 @@ fn the_largest_factor_of_solve_may_begin_with_a_small_digit() {
 }
 
 #[test]
+fn the_efficacy_of_the_schedule_is_typed_with_its_unit_or_without() {
+    let mut window = baked();
+    click(&mut window, "Measure");
+    for (text, wanted) in [("80", 80.0), ("95 lm/W", 95.0), ("12 lm", 95.0)] {
+        type_over(&mut window, "Efficacy", text);
+        let found = window.get_by_label("Efficacy").accesskit_node().numeric_value();
+        assert_eq!(found, Some(wanted), "{text}");
+    }
+}
+
+#[test]
 fn numbers_of_a_look_that_no_hand_would_set_stay() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bright.look");

@@ -441,10 +441,20 @@ impl App {
         let efficacy_lm_w = Some(efficacy_lm_w).filter(|efficacy| *efficacy > 0.0);
         let floor = if floor_m2 > 0.0 { Some(floor_m2) } else { self.floor_now().map(KnownFloor::area_m2) };
         let Some(basis) = self.session.basis() else { return };
+        if basis.is_measured() {
+            return self.complain("lights of pictures that were taken are no lamps, so there is no schedule of them");
+        }
         let scene = self.session.lamp_scene().map(|scene| &**scene);
         let schedule = Schedule::new(basis, scene, &self.look, efficacy_lm_w, floor);
         match PendingFile::create(path).and_then(|place| place.commit(|writer| schedule.write(writer, by))) {
-            Ok(()) => self.say(format!("Saved {}", path.display())),
+            Ok(()) => {
+                let untold = match &schedule.untold()[..] {
+                    [] => String::new(),
+                    [one] => format!("; {one}"),
+                    many => format!("; {} lamps tell no lumen and count in no total", many.len()),
+                };
+                self.say(format!("Saved {}{untold}", path.display()));
+            }
             Err(error) => self.complain(in_words(&error)),
         }
     }

@@ -34,10 +34,7 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
     warn_of_unknown_lights(&basis, &look, console);
     let floor = args.floor_m2.or_else(|| scene.as_ref().and_then(|scene| floor_area_m2(&scene.scene)).map(f64::from));
     let schedule = Schedule::new(&basis, scene.as_ref(), &look, args.efficacy, floor);
-    let untold = schedule.luminaires.iter().filter(|lamp| lamp.is_on && lamp.lumen.is_none());
-    let untold: Vec<String> =
-        untold.map(|lamp| format!("`{}` tells no lumen and counts in no total", lamp.key)).collect();
-    console.warn_all(untold);
+    console.warn_all(schedule.untold());
     place.commit(|writer| schedule.write(writer, args.by))?;
     let number = |x: f64| number_words(x as f32);
     let density = schedule.watt_per_m2().map_or(String::new(), |density| {

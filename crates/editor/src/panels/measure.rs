@@ -315,7 +315,7 @@ fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, ac
             Number::new(&mut schedule.efficacy_lm_w).range(0.0..=400.0).speed(0.5).max_decimals(1).words(
                 |lm_w, _| if lm_w > 0.0 { format!("{} lm/W", number_words(lm_w as f32)) } else { "none".into() },
             );
-        ui.add(efficacy).labelled_by(label.id).on_hover_text(
+        ui.add(efficacy.read(|text| number_of(text, " lm/W"))).labelled_by(label.id).on_hover_text(
             "For lamps whose photometric file states no watts: theirs are lumen over this; without it they stay empty",
         );
         ui.end_row();
