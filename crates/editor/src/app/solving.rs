@@ -173,11 +173,6 @@ impl Solving {
 }
 
 impl App {
-    /// The look as the picture shows it.
-    pub(super) fn shown_look(&self) -> Cow<'_, Look> {
-        self.solving.previewed(&self.look)
-    }
-
     /// Whether something is measured or solved beside the window.
     pub fn is_solving(&self) -> bool {
         let solving = &self.solving;
@@ -278,7 +273,7 @@ impl App {
         let of = Measured {
             bake: Arc::as_ptr(&shown.header).addr(),
             n_sets: shown.irradiance.len(),
-            rig: heard(&shown.header.basis, &self.shown_look().lights, &self.lights.solo),
+            rig: heard(&shown.header.basis, &self.seen().lights, &self.lights.solo),
             lamps: light.map_or(0, |light| Arc::as_ptr(&light.direct).addr()),
             marks: self.view.marking.marks().filter(|_| has_pixels).cloned(),
             by_area: seen.is_some(),

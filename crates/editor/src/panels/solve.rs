@@ -335,6 +335,7 @@ fn run_ui(ui: &mut Ui, wishes: &Wishes, view: &SolveView, actions: &mut Vec<Acti
         let why = match () {
             () if wishes.list.is_empty() => "Add a wish first",
             () if view.is_soloed => "Clear the solo first: it hides what the other lights bring",
+            () if can_solve => "The lights are being looked for",
             () => "No wish fits what is shown",
         };
         if solve.on_disabled_hover_text(why).clicked() {
