@@ -557,6 +557,19 @@ fn a_light_has_a_color_temperature_a_color_of_six_digits_or_that_of_its_file() {
 }
 
 #[test]
+fn a_light_that_gets_a_color_is_as_bright_as_in_its_file_at_first() {
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    let shining = gltf["materials"].as_array_mut().unwrap().last_mut().unwrap();
+    shining["emissiveFactor"] = json!([0.5, 0.25, 0.125]);
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    click(&mut window, "panel color");
+    click(&mut window, "Color");
+    let color = window.state().look().lights.own_setting("panel").color.unwrap();
+    assert!(color.iter().zip([0.5, 0.25, 0.125]).all(|(found, own)| (found - own).abs() < 1e-4), "{color:?}");
+}
+
+#[test]
 fn a_long_list_is_searched_by_a_part_of_a_name() {
     let mut gltf: Value = serde_json::from_slice(&lit_room()).unwrap();
     let nodes = gltf["nodes"].as_array_mut().unwrap();
