@@ -800,9 +800,7 @@ fn a_lamp_that_is_added_below_a_master_is_below_it() {
 fn a_look_takes_no_more_lamps_than_it_could_be_opened_with() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("full.look");
-    let lamp = |nth: usize| {
-        json!({"key": format!("l{nth}"), "type": "point", "position": [0, 0, 0], "strength": 1, "muted": true})
-    };
+    let lamp = |nth: usize| json!({"key": format!("l{nth}"), "type": "point", "position": [0, 0, 0], "strength": 1, "muted": true});
     let all: Vec<Value> = (0..1000).map(lamp).collect();
     std::fs::write(&path, json!({ "clerestory": 1, "lamps": all }).to_string()).unwrap();
     let mut window = baked();
