@@ -381,6 +381,21 @@ fn a_press_elsewhere_takes_what_was_typed_though_a_drag_comes_of_it() {
 }
 
 #[test]
+fn a_spot_is_no_larger_and_no_brighter_than_a_look_holds() {
+    let mut window = baked();
+    click(&mut window, "Spots");
+    let mut set = |label: &str, value: f64| {
+        window.get_all_by_role_and_label(Role::SpinButton, label).last().unwrap().set_value_accesskit(value);
+        window.run_steps(3);
+        window.state().look().lights.panels["panel"][0]
+    };
+    assert_eq!([-1.0, 1e39].map(|typed| set("panel spot radius", typed).radius), [0.0, 1000.0]);
+    assert_eq!([-1.0, 1e39].map(|typed| set("panel spot intensity", typed).intensity), [0.0, 1e9]);
+    let json = window.state().look().to_json();
+    assert!(Look::from_json(&json).is_ok(), "{json}");
+}
+
+#[test]
 fn what_is_typed_for_a_spot_goes_to_that_spot() {
     let mut window = baked();
     click(&mut window, "Spots");
