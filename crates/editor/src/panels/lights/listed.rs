@@ -146,7 +146,8 @@ pub(crate) fn source_words(kind: SourceKind) -> String {
         SourceKind::Emitter => "Emissive surface".into(),
         SourceKind::Panel { resolution, .. } => format!("Panel of {resolution} × {resolution} texels"),
         SourceKind::Sky => "Sky".into(),
-        SourceKind::Dome { divisions } => format!("Sky of {} patches", 144 * divisions * divisions + 146),
+        // Those above the horizon, as they are chosen by.
+        SourceKind::Dome { divisions } => format!("Sky of {} patches", 144 * divisions * divisions + 1),
         SourceKind::Sun { .. } => "Sun".into(),
         SourceKind::Constant => "Unlit surfaces".into(),
         SourceKind::Image => "Picture taken under this light".into(),
