@@ -116,7 +116,7 @@ impl Schedule {
                 key: source.key.clone(),
                 name: look.name_of(&source.key).to_owned(),
                 kind: source_words(source.kind),
-                is_on: !setting.muted,
+                is_on: is_on(&setting),
                 lumen: source_lumen(source, &setting, basis.spots_of(&look.lights, &source.key)),
                 profile: source.origin.profile.clone(),
                 watt: source.origin.watts.map(f64::from),
@@ -185,6 +185,11 @@ impl Luminaire {
     }
 }
 
+/// Whether a lamp shines: one that is turned down to nothing is as dark as one that is muted.
+fn is_on(setting: &LightSetting) -> bool {
+    !setting.muted && setting.intensity > 0.0
+}
+
 /// Flux of a light of the scene; of a panel with spots, of the look or of its file, what these leave of it.
 fn source_lumen(source: &LightSource, setting: &LightSetting, spots: Option<&Vec<PanelSpot>>) -> Option<f64> {
     let is_panel = matches!(source.kind, SourceKind::Panel { .. });
@@ -208,7 +213,7 @@ fn of_lamp(lamp: &FreeLamp, look: &Look) -> Luminaire {
         key: lamp.key.clone(),
         name: look.name_of(&lamp.key).to_owned(),
         kind: kind_words(&lamp.shape).into(),
-        is_on: !lamp.setting.muted,
+        is_on: is_on(&lamp.setting),
         lumen: lumen.map(|lumen| f64::from(lumen * luminance(color) * lamp.setting.intensity)),
         profile: file.and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned()),
         watt: watts.map(f64::from),
@@ -269,6 +274,15 @@ mod tests {
         assert!((schedule.lumen() - 400.0 - lumen).abs() < 1e-2);
         assert!((schedule.watt() - schedule.lumen() / 80.0).abs() < 1e-9);
         assert!((schedule.watt_per_m2().unwrap() - schedule.watt() / 4.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_lamp_that_is_turned_down_to_nothing_is_off() {
+        let mut look = look();
+        look.lights.lamps[0].setting.intensity = 0.0;
+        let schedule = Schedule::new(&LightBasis::default(), None, &look, Some(80.0), None);
+        assert!(schedule.luminaires.len() == 2 && schedule.luminaires.iter().all(|lamp| !lamp.is_on), "{schedule:?}");
+        assert_eq!((schedule.n_unknown_watt(), schedule.untold().len()), (0, 0));
     }
 
     /// Lamps of the two luminaires of a maker, whose files state 1221 lm and 14 W, and 321 lm and 9 W.
