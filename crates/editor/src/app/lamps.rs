@@ -189,7 +189,9 @@ impl App {
         }
         self.as_one_step(|app| {
             let copies: Vec<String> = originals.iter().filter_map(|key| app.duplicate_lamp(key)).collect();
-            if copies.len() > 1 {
+            if let [copy] = &copies[..] {
+                app.say(format!("Added {copy}"));
+            } else {
                 app.say(format!("Added {} lamps", copies.len()));
                 app.lights.select(copies);
             }
@@ -209,7 +211,6 @@ impl App {
         }
         groups::join(&mut self.look.lights, of, &copy.key);
         let key = copy.key.clone();
-        self.say(format!("Added {}", copy.key));
         self.push_lamp(copy);
         Some(key)
     }
