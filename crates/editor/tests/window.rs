@@ -611,6 +611,8 @@ fn a_dropped_folder_of_pictures_is_baked_and_each_light_has_a_slider() {
     click(&mut window, "Start bake");
     wait(&mut window, |app| app.session().bake == BakeState::Done);
     window.get_by_label("Save bake…");
+    reach(&mut window, "Measure");
+    window.get_by_label("Pictures that were taken tell no illuminance");
 }
 
 /// Asks the window to close.

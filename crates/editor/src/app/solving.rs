@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightRig;
@@ -467,6 +468,7 @@ impl App {
         match () {
             () if self.session.bakes_illuminance() => LuxBake::Underway,
             () if self.session.has_scene() => LuxBake::Ready,
+            () if self.session.basis().is_some_and(LightBasis::is_measured) => LuxBake::Taken,
             () => LuxBake::Never,
         }
     }

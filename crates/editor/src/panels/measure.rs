@@ -73,6 +73,8 @@ pub enum LuxBake {
     /// There is no scene to bake it of.
     #[default]
     Never,
+    /// The pictures were taken, which tell nothing of it.
+    Taken,
     /// By a bake that can be started here.
     Ready,
     /// By the bake that runs.
@@ -145,7 +147,7 @@ pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions:
             ui.label(RichText::new("Of added lamps only the direct light counts").weak())
                 .on_hover_text("Bake with “Movable lamps” and “Illuminance” on to count what surfaces make of it");
         }
-        if view.lux_bake != LuxBake::Never {
+        if !matches!(view.lux_bake, LuxBake::Never | LuxBake::Taken) {
             ui.add_space(6.0);
             work_plane_ui(ui, work_plane, view, actions);
         }
@@ -233,6 +235,10 @@ pub fn missing_ui(ui: &mut Ui, lux_bake: LuxBake, actions: &mut Vec<Action>) {
     if lux_bake == LuxBake::Underway {
         let words = RichText::new("Illuminance comes right behind the preview of this bake").weak();
         ui.label(words).on_hover_text("The preview of the picture is first");
+        return;
+    }
+    if lux_bake == LuxBake::Taken {
+        ui.label(RichText::new("Pictures that were taken tell no illuminance").weak());
         return;
     }
     ui.label(RichText::new("This bake holds no illuminance").weak());
