@@ -167,8 +167,9 @@ fn new_wish_ui(
         }
         for (_, name) in &view.here.grids {
             let is_for_grid = matches!(state.kind, Kind::Lux | Kind::Times);
-            let hint = "For this sensor grid of the bake";
-            if ui.add_enabled(is_for_grid, Button::new(format!("Add for {name}"))).on_hover_text(hint).clicked() {
+            let add = ui.add_enabled(is_for_grid, Button::new(format!("Add for {name}")));
+            let add = add.on_hover_text("For this sensor grid of the bake");
+            if add.on_disabled_hover_text("Sensors tell lux: wish for Illuminance, or Times as bright").clicked() {
                 wishes.push(name, Where::Sensors(name.clone()), state.wanted());
             }
         }
