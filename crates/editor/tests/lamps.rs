@@ -205,7 +205,7 @@ fn what_another_lamp_hangs_before_is_aimed_at_too() {
     let after = lamps(&window);
     assert_eq!(after[0], before[0], "it is only in the way");
     assert!(after[1].aim.distance(before[1].aim) > 0.2, "{} and {}", after[1].aim, before[1].aim);
-    window.get_by_label("Move Spot lamp 1 along X");
+    window.get_by_label("Spot lamp 1 strength");
 }
 
 #[test]

@@ -440,6 +440,17 @@ fn a_light_that_was_renamed_is_called_so_everywhere() {
 }
 
 #[test]
+fn a_light_is_renamed_in_a_group_that_was_folded() {
+    let mut window = lit();
+    select(&mut window, &["left"]);
+    click(&mut window, "Collapse Counter");
+    assert!(window.query_by_label("Mute left").is_none());
+    press(&mut window, Key::F2);
+    window.run_steps(4);
+    window.get_by_label("Name of left");
+}
+
+#[test]
 fn a_click_in_the_picture_adds_to_what_is_selected_with_shift_or_ctrl_and_else_selects_one() {
     let mut window = lit();
     let lamp = |window: &mut Window, name: &str| {

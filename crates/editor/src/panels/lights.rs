@@ -339,5 +339,7 @@ fn keys(ui: &Ui, mix: &mut Mix) {
     }
     if let ([one], true) = (selected.as_slice(), pressed(Key::F2)) {
         mix.state.renaming = Some((one.clone(), mix.look.name_of(one).to_owned()));
+        // The field stands in its row, which may be folded away or out of sight.
+        mix.state.scroll_to = Some(one.clone());
     }
 }

@@ -224,6 +224,7 @@ pub(super) fn menu_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
     }
     if ui.button("Rename…").clicked() {
         mix.state.renaming = Some((key.clone(), light.name.clone()));
+        mix.state.scroll_to = Some(key.clone());
         ui.close();
     }
     match &light.light {
