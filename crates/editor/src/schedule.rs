@@ -14,7 +14,7 @@ use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::emitters::Emitter;
 use clerestory_transport::import::read_profile;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
-use clerestory_transport::light::{LightSetting, luminance};
+use clerestory_transport::light::{LightSetting, PanelSpot, luminance};
 use clerestory_transport::prepared::PreparedScene;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -106,7 +106,6 @@ impl Schedule {
                     | SourceKind::Sun { .. }
             )
         };
-        let coefficients = basis.project(&look.lights);
         let of_source = |source: &LightSource| {
             let setting = look.lights.setting(&source.key);
             let emitter = scene.and_then(|scene| {
@@ -117,8 +116,8 @@ impl Schedule {
                 key: source.key.clone(),
                 name: look.name_of(&source.key).to_owned(),
                 kind: source_words(source.kind),
-                is_on: !setting.muted,
-                lumen: source_lumen(source, &setting, look, &coefficients),
+                is_on: is_on(&setting),
+                lumen: source_lumen(source, &setting, basis.spots_of(&look.lights, &source.key)),
                 profile: source.origin.profile.clone(),
                 watt: source.origin.watts.map(f64::from),
                 watt_source: None,
@@ -153,6 +152,12 @@ impl Schedule {
         self.shining().filter(|luminaire| luminaire.watt.is_none()).count()
     }
 
+    /// A sentence for each lamp that shines and tells no flux.
+    pub fn untold(&self) -> Vec<String> {
+        let untold = self.shining().filter(|luminaire| luminaire.lumen.is_none());
+        untold.map(|luminaire| format!("`{}` tells no lumen and counts in no total", luminaire.key)).collect()
+    }
+
     /// Lumen per watt of all that shine and tell both.
     pub fn lumen_per_watt(&self) -> Option<f64> {
         let both = self.shining().filter_map(|luminaire| Some((luminaire.lumen?, luminaire.watt?)));
@@ -180,14 +185,19 @@ impl Luminaire {
     }
 }
 
-/// Flux of a light of the scene; of a panel with spots what these leave of it.
-fn source_lumen(source: &LightSource, setting: &LightSetting, look: &Look, coefficients: &[[f32; 3]]) -> Option<f64> {
-    if matches!(source.kind, SourceKind::Panel { .. }) && look.lights.panels.contains_key(&source.key) {
-        let texels = &coefficients[source.columns.start as usize..source.columns.end as usize];
-        let sum: f64 = texels.iter().map(|rgb| f64::from(luminance(Vec3::from(*rgb)))).sum();
-        return Some(sum / texels.len().max(1) as f64 * f64::from(source.origin.lumens?));
-    }
-    source.amount(setting, LampUnit::Lumen).map(f64::from)
+/// Whether a lamp shines: one that is turned down to nothing is as dark as one that is muted.
+fn is_on(setting: &LightSetting) -> bool {
+    !setting.muted && setting.intensity > 0.0
+}
+
+/// Flux of a light of the scene; of a panel with spots, of the look or of its file, what these leave of it.
+fn source_lumen(source: &LightSource, setting: &LightSetting, spots: Option<&Vec<PanelSpot>>) -> Option<f64> {
+    let is_panel = matches!(source.kind, SourceKind::Panel { .. });
+    let lumen = match spots.filter(|_| is_panel) {
+        Some(spots) => source.lumens_of_spots(setting, spots),
+        None => source.amount(setting, LampUnit::Lumen),
+    };
+    lumen.map(f64::from)
 }
 
 fn of_lamp(lamp: &FreeLamp, look: &Look) -> Luminaire {
@@ -203,7 +213,7 @@ fn of_lamp(lamp: &FreeLamp, look: &Look) -> Luminaire {
         key: lamp.key.clone(),
         name: look.name_of(&lamp.key).to_owned(),
         kind: kind_words(&lamp.shape).into(),
-        is_on: !lamp.setting.muted,
+        is_on: is_on(&lamp.setting),
         lumen: lumen.map(|lumen| f64::from(lumen * luminance(color) * lamp.setting.intensity)),
         profile: file.and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned()),
         watt: watts.map(f64::from),
@@ -264,6 +274,15 @@ mod tests {
         assert!((schedule.lumen() - 400.0 - lumen).abs() < 1e-2);
         assert!((schedule.watt() - schedule.lumen() / 80.0).abs() < 1e-9);
         assert!((schedule.watt_per_m2().unwrap() - schedule.watt() / 4.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_lamp_that_is_turned_down_to_nothing_is_off() {
+        let mut look = look();
+        look.lights.lamps[0].setting.intensity = 0.0;
+        let schedule = Schedule::new(&LightBasis::default(), None, &look, Some(80.0), None);
+        assert!(schedule.luminaires.len() == 2 && schedule.luminaires.iter().all(|lamp| !lamp.is_on), "{schedule:?}");
+        assert_eq!((schedule.n_unknown_watt(), schedule.untold().len()), (0, 0));
     }
 
     /// Lamps of the two luminaires of a maker, whose files state 1221 lm and 14 W, and 321 lm and 9 W.

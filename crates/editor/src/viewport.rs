@@ -142,7 +142,8 @@ pub fn viewport_ui(
     }
     match (viewed.overlay, viewed.legend) {
         (Some(overlay), _) => overlay.bar.ui(ui, area),
-        (None, Some(legend)) => legend.ui(ui, area),
+        // It is of the lights as they are now, on whichever side these are.
+        (None, Some(legend)) => legend.ui(ui, areas[handled.0]),
         (None, None) => {}
     }
     let is_coarse = viewed.is_glimpse && viewed.bake.is_running();

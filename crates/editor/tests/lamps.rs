@@ -189,6 +189,39 @@ fn a_lamp_is_aimed_at_what_is_clicked() {
 }
 
 #[test]
+fn what_another_lamp_hangs_before_is_aimed_at_too() {
+    let mut window = with_lamp("Point");
+    let from = middle(&window, "Move Point lamp 1 over surfaces");
+    let side = on_screen(&window, Vec3::new(-1.0, -0.2, -0.8));
+    drag(&mut window, from, side);
+    click(&mut window, "Add lamp");
+    click(&mut window, "Spot");
+    wait(&mut window, App::is_settled);
+    let before = lamps(&window);
+    let at = middle(&window, "Point lamp 1 in the picture");
+    window.key_press(Key::A);
+    window.run_steps(3);
+    click_at(&mut window, at, Modifiers::NONE);
+    let after = lamps(&window);
+    assert_eq!(after[0], before[0], "it is only in the way");
+    assert!(after[1].aim.distance(before[1].aim) > 0.2, "{} and {}", after[1].aim, before[1].aim);
+    window.get_by_label("Spot lamp 1 strength");
+}
+
+#[test]
+fn keys_are_for_the_lamp_of_the_file_that_was_clicked_last() {
+    let mut window = with_lamp("Point");
+    window.get_by_label("Move Point lamp 1 along X");
+    let lamp = on_screen(&window, Vec3::new(0.3, 0.6, -0.2));
+    click_at(&mut window, lamp, Modifiers::NONE);
+    assert_eq!(window.state().chosen_light(), Some("lamp"));
+    assert!(window.query_by_label("Move Point lamp 1 along X").is_none(), "its handles are gone");
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    assert_eq!(lamps(&window).len(), 1, "nothing that is chosen can be deleted");
+}
+
+#[test]
 fn a_light_that_is_reset_does_not_shine_beside_the_lamp_in_its_place() {
     let mut window = baked();
     make_movable(&mut window, "lamp");
@@ -761,6 +794,22 @@ fn a_lamp_that_is_added_below_a_master_is_below_it() {
     for key in keys {
         assert!(window.state().look().lights.setting(&key).muted, "{key}");
     }
+}
+
+#[test]
+fn a_look_takes_no_more_lamps_than_it_could_be_opened_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("full.look");
+    let lamp = |nth: usize| json!({"key": format!("l{nth}"), "type": "point", "position": [0, 0, 0], "strength": 1, "muted": true});
+    let all: Vec<Value> = (0..1000).map(lamp).collect();
+    std::fs::write(&path, json!({ "clerestory": 1, "lamps": all }).to_string()).unwrap();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path)));
+    wait(&mut window, |app| app.look().lights.lamps.len() == 1000);
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    assert_eq!(lamps(&window).len(), 1000);
+    assert!(says(&window, "a look holds 1000 lamps at most"));
 }
 
 #[test]

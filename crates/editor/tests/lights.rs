@@ -440,6 +440,17 @@ fn a_light_that_was_renamed_is_called_so_everywhere() {
 }
 
 #[test]
+fn a_light_is_renamed_in_a_group_that_was_folded() {
+    let mut window = lit();
+    select(&mut window, &["left"]);
+    click(&mut window, "Collapse Counter");
+    assert!(window.query_by_label("Mute left").is_none());
+    press(&mut window, Key::F2);
+    window.run_steps(4);
+    window.get_by_label("Name of left");
+}
+
+#[test]
 fn a_click_in_the_picture_adds_to_what_is_selected_with_shift_or_ctrl_and_else_selects_one() {
     let mut window = lit();
     let lamp = |window: &mut Window, name: &str| {
@@ -554,6 +565,19 @@ fn a_light_has_a_color_temperature_a_color_of_six_digits_or_that_of_its_file() {
     assert!(r > 0.99 && g < 0.01 && b < 0.01, "{r} {g} {b}");
     click(&mut window, "From file");
     assert_eq!(*window.state().look(), Look::default());
+}
+
+#[test]
+fn a_light_that_gets_a_color_is_as_bright_as_in_its_file_at_first() {
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    let shining = gltf["materials"].as_array_mut().unwrap().last_mut().unwrap();
+    shining["emissiveFactor"] = json!([0.5, 0.25, 0.125]);
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    click(&mut window, "panel color");
+    click(&mut window, "Color");
+    let color = window.state().look().lights.own_setting("panel").color.unwrap();
+    assert!(color.iter().zip([0.5, 0.25, 0.125]).all(|(found, own)| (found - own).abs() < 1e-4), "{color:?}");
 }
 
 #[test]

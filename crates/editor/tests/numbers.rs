@@ -7,6 +7,7 @@ mod desk;
 use clerestory::app::{App, Start};
 use clerestory::export::options::Region;
 use clerestory::look::Look;
+use clerestory::look::wishes::Wanted;
 use clerestory::session::{BakeState, Source};
 use clerestory_transport::camera::{Film, Pose};
 use clerestory_transport::lamps::LampShape;
@@ -14,7 +15,9 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Role, ViewportCommand, 
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Window, ask_for, baked, click, drag, reach, room, save_as, there_and_back, type_keys, type_over, wait};
+use desk::{
+    Dropped, Window, ask_for, baked, click, drag, reach, room, save_as, there_and_back, type_keys, type_over, wait,
+};
 
 fn intensity(window: &Window) -> f32 {
     window.state().look().lights.own_setting("lamp").intensity
@@ -264,6 +267,35 @@ fn the_largest_factor_of_solve_may_begin_with_a_small_digit() {
 }
 
 #[test]
+fn the_efficacy_of_the_schedule_is_typed_with_its_unit_or_without() {
+    let mut window = baked();
+    click(&mut window, "Measure");
+    for (text, wanted) in [("80", 80.0), ("95 lm/W", 95.0), ("12 lm", 95.0)] {
+        type_over(&mut window, "Efficacy", text);
+        let found = window.get_by_label("Efficacy").accesskit_node().numeric_value();
+        assert_eq!(found, Some(wanted), "{text}");
+    }
+}
+
+#[test]
+fn numbers_of_a_look_that_no_hand_would_set_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bright.look");
+    let json = r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 2e6}},
+        "wishes": {"keep": 0, "list": [{"name": "bright", "cd_m2": 2e6, "weight": 500}]}}"#;
+    std::fs::write(&path, json).unwrap();
+    let mut window = baked();
+    click(&mut window, "Solve for light");
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path)));
+    wait(&mut window, |app| !app.look().wishes.list.is_empty());
+    window.run_steps(8);
+    assert_eq!(intensity(&window), 2e6);
+    let wishes = &window.state().look().wishes;
+    assert_eq!((wishes.keep, wishes.list[0].weight), (0.0, 500.0));
+    assert_eq!(wishes.list[0].wanted, Wanted::Luminance(2e6));
+}
+
+#[test]
 fn what_is_typed_in_a_dialog_counts_for_the_button_that_is_clicked_next() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.png");
@@ -346,6 +378,21 @@ fn a_press_elsewhere_takes_what_was_typed_though_a_drag_comes_of_it() {
     window.run_steps(3);
     let now = &window.state().look().lights;
     assert_eq!(now.own_setting("panel"), look.lights.own_setting("panel"), "what was typed for one is not for another");
+}
+
+#[test]
+fn a_spot_is_no_larger_and_no_brighter_than_a_look_holds() {
+    let mut window = baked();
+    click(&mut window, "Spots");
+    let mut set = |label: &str, value: f64| {
+        window.get_all_by_role_and_label(Role::SpinButton, label).last().unwrap().set_value_accesskit(value);
+        window.run_steps(3);
+        window.state().look().lights.panels["panel"][0]
+    };
+    assert_eq!([-1.0, 1e39].map(|typed| set("panel spot radius", typed).radius), [0.0, 1000.0]);
+    assert_eq!([-1.0, 1e39].map(|typed| set("panel spot intensity", typed).intensity), [0.0, 1e9]);
+    let json = window.state().look().to_json();
+    assert!(Look::from_json(&json).is_ok(), "{json}");
 }
 
 #[test]

@@ -583,4 +583,15 @@ fn a_schedule_counts_what_shines_and_measures_the_floor() {
     assert!(table.lines().nth(1).unwrap().starts_with("A,Point lamp,,1,yes,37.7,,37.7,,,"), "{table}");
     let refused = run(folder.path(), "schedule room.gltf -o room.gltf");
     assert!(String::from_utf8_lossy(&refused.stderr).contains("would overwrite"));
+    // A photometric file lies beside its look.
+    let looks = folder.path().join("looks");
+    std::fs::create_dir(&looks).unwrap();
+    let ies = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
+    std::fs::write(looks.join("down.ies"), ies).unwrap();
+    let look = r#"{"clerestory": 1, "lights": {"lamp": {"muted": true}}, "lamps": [{"key": "down", "type": "ies",
+        "position": [0, 0.9, 0], "aim": [0, -1, 0], "strength": 300, "unit": "cd", "file": "down.ies"}]}"#;
+    std::fs::write(looks.join("a.look"), look).unwrap();
+    let told = answer(folder.path(), "schedule room.gltf --look looks/a.look -o measured.csv");
+    assert!(told["watt"] == 10.0 && told["n_unknown_watt"] == 0, "{told}");
+    assert!(told["lumen"].as_f64().unwrap() > 100.0, "{told}");
 }

@@ -317,6 +317,26 @@ fn the_sun_follows_the_clock_and_a_played_day_is_one_step() {
 }
 
 #[test]
+fn a_sky_that_is_looked_at_stays_as_its_look_has_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hazy.look");
+    let json = r#"{"clerestory": 1, "scene": {"sky_patches": 145}, "sky": {"intensity": 1e8,
+        "sun": {"azimuth_deg": 135, "elevation_deg": 40, "turbidity": 2.25}}}"#;
+    std::fs::write(&path, json).unwrap();
+    let mut window = open(court());
+    settle(&mut window);
+    click(&mut window, "Sky");
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path)));
+    wait(&mut window, |app| app.session().basis().is_some_and(|basis| basis.sky.is_some()));
+    settle(&mut window);
+    window.run_steps(10);
+    assert!(window.query_all_by_label("Haze").next().is_some(), "it is looked at");
+    settle(&mut window);
+    let SkySetting { intensity, sun, .. } = sky(&window);
+    assert_eq!((intensity, sun.map(|sun| sun.turbidity)), (1e8, Some(2.25)));
+}
+
+#[test]
 fn kinds_of_sky_intensity_and_days_are_set_by_their_fields() {
     let mut window = under_the_sky();
     choose(&mut window, "Kind of sky", "Uniform");

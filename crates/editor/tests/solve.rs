@@ -90,6 +90,28 @@ fn figures_say_that_they_are_of_the_lights_now_while_another_look_is_seen_beside
 }
 
 #[test]
+fn figures_are_of_the_moment_of_the_timeline_while_that_is_seen() {
+    let mut window = measured();
+    click(&mut window, "Measure");
+    mark(&mut window);
+    let bright = window.state().marked_lux().unwrap().average;
+    let is_dark = |app: &App| !app.is_solving() && app.marked_lux().is_some_and(|lux| lux.average < 0.9 * bright);
+    click(&mut window, "Keep look");
+    click(&mut window, "Mute lamp");
+    wait(&mut window, is_dark);
+    click(&mut window, "Timeline");
+    click(&mut window, "Add key");
+    click(&mut window, "Look");
+    let start = window.get_by_label("Timeline ruler").rect().left_top();
+    drag(&mut window, start + vec2(60.0, 8.0), start + vec2(12.0, 8.0));
+    wait(&mut window, |app| {
+        !app.is_solving() && app.marked_lux().is_some_and(|lux| (lux.average / bright - 1.0).abs() < 1e-3)
+    });
+    click(&mut window, "Back to the lights");
+    wait(&mut window, is_dark);
+}
+
+#[test]
 fn a_wish_is_solved_previewed_and_one_step_of_undo() {
     let mut window = measured();
     click(&mut window, "Solve for light");
@@ -452,6 +474,24 @@ fn powers_are_divided_by_the_floor_of_the_scene_or_of_what_is_marked() {
     window.get_by_label("Floor area").set_value_accesskit(2.5);
     window.run_steps(3);
     assert_eq!(floor(&mut window, "typed.csv"), 2.5);
+}
+
+#[test]
+fn a_floor_area_that_was_typed_is_that_of_one_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = with_table(folder.path()).0;
+    let other = folder.path().join("other.gltf");
+    std::fs::copy(&path, &other).unwrap();
+    let mut window = measured_at(Source::File(path), 1);
+    click(&mut window, "Measure");
+    window.get_by_label("Floor area").set_value_accesskit(2.5);
+    window.run_steps(3);
+    let typed = |window: &Window| window.get_by_label("Floor area").accesskit_node().numeric_value();
+    assert_eq!(typed(&window), Some(2.5));
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(other)));
+    let is_other = |app: &App| app.session().opened.as_ref().is_some_and(|opened| opened.name.contains("other"));
+    wait(&mut window, |app| is_other(app) && app.session().bake == BakeState::Done && app.is_settled());
+    assert_eq!(typed(&window), Some(0.0));
 }
 
 #[test]

@@ -394,6 +394,29 @@ fn a_spot_is_placed_and_dragged_in_the_picture() {
 }
 
 #[test]
+fn spots_that_the_file_marks_are_told_and_taken_hold_of() {
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let panel = gltf["nodes"].as_array_mut().unwrap().iter_mut().find(|node| node["name"] == "panel").unwrap();
+    panel["extras"]["clerestory"]["spots"] =
+        serde_json::json!([{"position": [0.25, 0.25], "radius": 0.2}, {"position": [0.5, 0.75], "radius": 0.1}]);
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    window.get_by_label("As in the file");
+    let panel = |x: f32, z: f32| Vec3::new(x, 0.4, z);
+    let (from, to) = (on_screen(&window, panel(-0.2, -0.7)), on_screen(&window, panel(0.2, -0.3)));
+    window.hover_at(from);
+    window.run_steps(3);
+    window.get_by_label("panel, spot 1, drag to move it");
+    drag(&mut window, from, to);
+    let spots = window.state().look().lights.panels["panel"].clone();
+    let [u, v] = spots[0].position;
+    assert!((u - 0.75).abs() < 0.02 && (v - 0.75).abs() < 0.02, "{u} {v}");
+    assert_eq!((spots.len(), spots[1].position), (2, [0.5, 0.75]), "the other one stays");
+    click(&mut window, "As in the file");
+    assert_eq!(*window.state().look(), Look::default());
+}
+
+#[test]
 fn exposure_and_tone_are_part_of_the_look() {
     let mut window = baked();
     let suits = window.state().shown_ev();
@@ -588,6 +611,8 @@ fn a_dropped_folder_of_pictures_is_baked_and_each_light_has_a_slider() {
     click(&mut window, "Start bake");
     wait(&mut window, |app| app.session().bake == BakeState::Done);
     window.get_by_label("Save bake…");
+    reach(&mut window, "Measure");
+    window.get_by_label("Pictures that were taken tell no illuminance");
 }
 
 /// Asks the window to close.

@@ -127,6 +127,16 @@ impl LightSource {
         LightSource { key: key.into(), kind, columns, color: Vec3::ONE, strength: 1.0, origin: LightOrigin::default() }
     }
 
+    /// Luminous flux in lumen that some spots leave of a panel under a setting; `None` of what is no panel, and where the flux of the whole
+    /// is not known. As in [`LightSource::amount`] a muted light counts as if it were not.
+    pub fn lumens_of_spots(&self, setting: &LightSetting, spots: &[PanelSpot]) -> Option<f32> {
+        let SourceKind::Panel { resolution, size_m } = self.kind else { return None };
+        let mut texels = vec![[0.0; 3]; self.columns.len()];
+        project_spots(self, LightSetting { muted: false, ..*setting }, resolution, size_m, spots, &mut texels);
+        let sum: f32 = texels.iter().map(|rgb| luminance(Vec3::from(*rgb))).sum();
+        Some(sum / texels.len() as f32 * self.origin.lumens?)
+    }
+
     /// Whether lights are the same. How bright unlit surfaces are is reckoned from the light of the file, on another machine maybe with
     /// other rounding: that counts for nothing.
     pub fn are_alike(a: &[LightSource], b: &[LightSource]) -> bool {

@@ -162,6 +162,10 @@ impl App {
             Ok((mut sky, mut odd)) => {
                 let before = self.look.lights.sky.take().unwrap_or_default();
                 (sky.rotation_deg, sky.intensity) = (before.rotation_deg, before.intensity);
+                // A sun beside a map stays beside the next one.
+                if before.file.as_deref().is_some_and(|file| file != "uniform") {
+                    sky.sun = sky.sun.or(before.sun);
+                }
                 self.look.lights.sky = Some(before).filter(|before| *before != SkySetting::default());
                 self.say(format!("Sky {}", sky.name()));
                 self.as_one_step(|app| app.look.lights.sky = Some(sky));

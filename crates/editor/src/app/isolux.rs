@@ -70,7 +70,7 @@ impl App {
             isolux,
             bake: Arc::as_ptr(&shown.header).addr(),
             n_sets: shown.irradiance.len(),
-            rig: heard(&shown.header.basis, &self.shown_look().lights, &self.lights.solo),
+            rig: heard(&shown.header.basis, &self.seen().lights, &self.lights.solo),
             lamps: light.map_or(0, |light| Arc::as_ptr(&light.direct).addr()),
         };
         let is_of_these = |known: &Lined| (known.bake, known.isolux) == (of.bake, of.isolux);

@@ -13,6 +13,7 @@ use glam::{Vec2, Vec3};
 
 use super::App;
 use crate::action::FileTask;
+use crate::look::lamps::MAX_LAMPS;
 use crate::look::{groups, numbered_name};
 use crate::panels::lamps::{LampChoice, Pulled, kind_words};
 use crate::panels::lights::{ADDED, heard};
@@ -75,7 +76,7 @@ impl App {
     fn has_room(&mut self, n_more: usize) -> bool {
         let has_room = self.look.has_room_for_lamps(n_more);
         if !has_room {
-            self.complain("there are as many lamps as a look holds; delete some first");
+            self.complain(format!("a look holds {MAX_LAMPS} lamps at most; delete some first"));
         }
         has_room
     }
@@ -188,7 +189,9 @@ impl App {
         }
         self.as_one_step(|app| {
             let copies: Vec<String> = originals.iter().filter_map(|key| app.duplicate_lamp(key)).collect();
-            if copies.len() > 1 {
+            if let [copy] = &copies[..] {
+                app.say(format!("Added {copy}"));
+            } else {
                 app.say(format!("Added {} lamps", copies.len()));
                 app.lights.select(copies);
             }
@@ -208,7 +211,6 @@ impl App {
         }
         groups::join(&mut self.look.lights, of, &copy.key);
         let key = copy.key.clone();
-        self.say(format!("Added {}", copy.key));
         self.push_lamp(copy);
         Some(key)
     }
@@ -256,7 +258,8 @@ impl App {
 
     pub(super) fn aim_lamp(&mut self) {
         let can_aim = self.chosen_lamp().is_some_and(|idx| self.look.lights.lamps[idx].shape.is_aimed());
-        self.lights.lamps.aiming = can_aim && !self.lights.lamps.aiming;
+        // With the camera in hand the same key walks.
+        self.lights.lamps.aiming = can_aim && !self.lights.lamps.aiming && !self.camera.is_moving;
     }
 
     /// Mutes a lamp of the file and puts a free one of the same light in its place, in one step of undo.

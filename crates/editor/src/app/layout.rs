@@ -11,6 +11,7 @@ use crate::panels::bake::{BakeView, bake_ui, start_ui};
 use crate::panels::dialogs::{UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
 use crate::panels::lights::{lights_ui, solo_banner_ui};
+use crate::panels::looks::mix;
 use crate::panels::shortcuts::{close_by_key, shortcuts_ui};
 use crate::panels::sight::keep_in_sight;
 use crate::panels::status::{Status, status_ui};
@@ -225,6 +226,8 @@ impl App {
         let picture = self.follower.picture().map(|(texture, size)| (left.unwrap_or(texture), size));
         let sides = self.looks.compare.as_ref().filter(|_| compared.is_some()).map(|compare| &compare.sides);
         let (lit, handled) = ((&self.follower, &self.prints), self.handled_side(compared.as_ref()));
+        // Looks that were kept have scales of their own.
+        let shows_now = sides.is_none_or(|sides| sides.contains(&mix::Side::Present));
         let viewed = Viewed {
             picture,
             stage: &self.session.stage,
@@ -232,7 +235,7 @@ impl App {
             is_glimpse: self.session.is_glimpse(),
             scene: scene.zip(shown_camera).filter(|_| handled.is_some()),
             handled: handled.unwrap_or_default(),
-            legend: self.follower.legend(),
+            legend: self.follower.legend().filter(|_| shows_now),
             isolines: self.isolux.lines(),
             compared,
             overlay,

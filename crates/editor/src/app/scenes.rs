@@ -39,6 +39,7 @@ impl App {
             lights.keep_solo(&mut self.lights);
         } else {
             self.view = ViewState::default();
+            self.solving.forget_floor();
         }
         self.lights = lights;
         self.camera.put_down();

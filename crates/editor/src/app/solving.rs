@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightRig;
@@ -150,6 +151,11 @@ impl Solving {
         *self = Solving { schedule, ..Solving::new(wake) };
     }
 
+    /// The area of floor that was typed is that of one scene.
+    pub fn forget_floor(&mut self) {
+        self.schedule.floor_m2 = 0.0;
+    }
+
     /// The look as the picture shows it: under a solution that waits, where that is previewed.
     pub fn previewed<'a>(&self, look: &'a Look) -> Cow<'a, Look> {
         match &self.state.solution {
@@ -168,11 +174,6 @@ impl Solving {
 }
 
 impl App {
-    /// The look as the picture shows it.
-    pub(super) fn shown_look(&self) -> Cow<'_, Look> {
-        self.solving.previewed(&self.look)
-    }
-
     /// Whether something is measured or solved beside the window.
     pub fn is_solving(&self) -> bool {
         let solving = &self.solving;
@@ -273,7 +274,7 @@ impl App {
         let of = Measured {
             bake: Arc::as_ptr(&shown.header).addr(),
             n_sets: shown.irradiance.len(),
-            rig: heard(&shown.header.basis, &self.shown_look().lights, &self.lights.solo),
+            rig: heard(&shown.header.basis, &self.seen().lights, &self.lights.solo),
             lamps: light.map_or(0, |light| Arc::as_ptr(&light.direct).addr()),
             marks: self.view.marking.marks().filter(|_| has_pixels).cloned(),
             by_area: seen.is_some(),
@@ -439,10 +440,20 @@ impl App {
         let efficacy_lm_w = Some(efficacy_lm_w).filter(|efficacy| *efficacy > 0.0);
         let floor = if floor_m2 > 0.0 { Some(floor_m2) } else { self.floor_now().map(KnownFloor::area_m2) };
         let Some(basis) = self.session.basis() else { return };
+        if basis.is_measured() {
+            return self.complain("lights of pictures that were taken are no lamps, so there is no schedule of them");
+        }
         let scene = self.session.lamp_scene().map(|scene| &**scene);
         let schedule = Schedule::new(basis, scene, &self.look, efficacy_lm_w, floor);
         match PendingFile::create(path).and_then(|place| place.commit(|writer| schedule.write(writer, by))) {
-            Ok(()) => self.say(format!("Saved {}", path.display())),
+            Ok(()) => {
+                let untold = match &schedule.untold()[..] {
+                    [] => String::new(),
+                    [one] => format!("; {one}"),
+                    many => format!("; {} lamps tell no lumen and count in no total", many.len()),
+                };
+                self.say(format!("Saved {}{untold}", path.display()));
+            }
             Err(error) => self.complain(in_words(&error)),
         }
     }
@@ -460,6 +471,7 @@ impl App {
         match () {
             () if self.session.bakes_illuminance() => LuxBake::Underway,
             () if self.session.has_scene() => LuxBake::Ready,
+            () if self.session.basis().is_some_and(LightBasis::is_measured) => LuxBake::Taken,
             () => LuxBake::Never,
         }
     }

@@ -1,5 +1,7 @@
 //! `clerestory schedule`: a table of all lamps.
 
+use std::path::Path;
+
 use anyhow::{Context, Result, ensure};
 use clerestory_transport::import::Choice;
 use clerestory_transport::prepared::PreparedScene;
@@ -30,14 +32,13 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
         console.warn_all(warnings);
         (scene.lighting.basis.clone(), Some(scene))
     };
-    let look = or_of_file(look, args.look.as_deref(), &basis);
+    let mut look = or_of_file(look, args.look.as_deref(), &basis);
+    // Photometric files lie beside the look, wherever the command is given.
+    look.resolve(args.look.as_deref().and_then(Path::parent).unwrap_or(Path::new("")));
     warn_of_unknown_lights(&basis, &look, console);
     let floor = args.floor_m2.or_else(|| scene.as_ref().and_then(|scene| floor_area_m2(&scene.scene)).map(f64::from));
     let schedule = Schedule::new(&basis, scene.as_ref(), &look, args.efficacy, floor);
-    let untold = schedule.luminaires.iter().filter(|lamp| lamp.is_on && lamp.lumen.is_none());
-    let untold: Vec<String> =
-        untold.map(|lamp| format!("`{}` tells no lumen and counts in no total", lamp.key)).collect();
-    console.warn_all(untold);
+    console.warn_all(schedule.untold());
     place.commit(|writer| schedule.write(writer, args.by))?;
     let number = |x: f64| number_words(x as f32);
     let density = schedule.watt_per_m2().map_or(String::new(), |density| {

@@ -43,7 +43,8 @@ fn rig(a: &LightRig, b: &LightRig, t: f32, basis: Option<&LightBasis>) -> LightR
     let panel = |key: &String| {
         let ends = [(a, 1.0 - t), (b, t)].map(|(rig, weight)| PanelEnd {
             setting: of(rig, key),
-            spots: rig.panels.get(key).map(Vec::as_slice),
+            // What a file marks on a panel shines where a look says nothing of it.
+            spots: basis.map_or_else(|| rig.panels.get(key), |basis| basis.spots_of(rig, key)).map(Vec::as_slice),
             weight,
         });
         (key.clone(), spots(&ends, own_color(key)))

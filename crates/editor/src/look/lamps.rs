@@ -23,7 +23,7 @@ const TURN_DEG: std::ops::RangeInclusive<f64> = -360.0..=360.0;
 /// Strongest in whatever unit.
 pub const MOST_STRENGTH: f32 = 1e9;
 /// Lamps of one look.
-const MAX_LAMPS: usize = 1000;
+pub const MAX_LAMPS: usize = 1000;
 /// Members that every lamp has.
 const COMMON: [&str; 10] =
     ["key", "type", "position", "strength", "unit", "intensity", "color", "kelvin", "muted", "replaces"];

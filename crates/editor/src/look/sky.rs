@@ -12,7 +12,8 @@ use serde_json::{Map, Value};
 use super::parse::Reader;
 use super::write::{member, value};
 
-const ROTATION_DEG: std::ops::RangeInclusive<f64> = -3600.0..=3600.0;
+/// How far a sky may be turned.
+pub const ROTATION_DEG: std::ops::RangeInclusive<f64> = -3600.0..=3600.0;
 const AZIMUTH_DEG: std::ops::RangeInclusive<f64> = -360.0..=360.0;
 const ELEVATION_DEG: std::ops::RangeInclusive<f64> = -90.0..=90.0;
 const LONGITUDE_DEG: std::ops::RangeInclusive<f64> = -180.0..=180.0;

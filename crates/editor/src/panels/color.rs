@@ -94,7 +94,8 @@ fn mode_ui(ui: &mut Ui, tint: &mut Tint, shown: Vec3, kelvin_choice: KelvinChoic
             *tint = Tint::default();
         }
         if chosen(ui, tint.color.is_some() && tint.kelvin.is_none(), "Color") {
-            let color = tint.color.unwrap_or((shown / shown.max_element().max(1e-6)).to_array());
+            // As bright as it was, as far as a color goes.
+            let color = tint.color.unwrap_or((shown / shown.max_element().max(1.0)).to_array());
             *tint = Tint { color: Some(color), kelvin: None };
         }
         if kelvin_choice != KelvinChoice::Hidden && chosen(ui, tint.kelvin.is_some(), "Kelvin") {

@@ -69,7 +69,8 @@ const LINES: [Named<Isolux>; 3] = [
     (Isolux::Lux, "Lux", "Lines at 100, 200, 300, 500, 750, 1000 lx and so on, each with its value"),
     (Isolux::FootCandles, "Foot-candles", "Lines at 5, 10, 20, 30, 50, 75, 100 fc and so on, each with its value"),
 ];
-/// Stops on either side of the exposure that suits the picture.
+/// Most that a look holds, and stops on either side of the exposure that suits the picture.
+const MOST_EV: f32 = 60.0;
 const EV_SPAN: f32 = 6.0;
 
 /// Draws it.
@@ -103,7 +104,8 @@ fn exposure_rows(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
     ui.horizontal(|ui| {
         let auto = ui.checkbox(&mut is_auto, "Auto").on_hover_text("Keep the exposure that suits the picture");
         if auto.changed() {
-            display.exposure_ev = if is_auto { None } else { Some((view.shown_ev * 100.0).round() / 100.0) };
+            let kept = ((view.shown_ev * 100.0).round() / 100.0).clamp(-MOST_EV, MOST_EV);
+            display.exposure_ev = if is_auto { None } else { Some(kept) };
         }
         if is_auto {
             compensation_ui(ui, &mut display.compensation_ev);
@@ -151,7 +153,7 @@ fn exposure_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
     let response = response.on_hover_text("Stops (EV): one more shows everything twice as bright");
     let response = response.accessible_name("Exposure");
     if response.changed() {
-        display.exposure_ev = Some(ev.clamp(-60.0, 60.0));
+        display.exposure_ev = Some(ev.clamp(-MOST_EV, MOST_EV));
     }
 }
 
@@ -167,8 +169,9 @@ fn white_rows(ui: &mut Ui, white: &mut Option<WhitePoint>) {
     let label = ui.label("Temperature");
     ui.spacing_mut().slider_width = (ui.available_width() - 78.0).max(60.0);
     let kelvins = *WHITE_KELVIN.start() as f32..=*WHITE_KELVIN.end() as f32;
-    let slider =
-        Slider::new(&mut white.kelvin, kelvins).logarithmic(true).trailing_fill(false).fixed_decimals(0).suffix(" K");
+    // What a look says more exactly stays.
+    let slider = Slider::new(&mut white.kelvin, kelvins).logarithmic(true).clamping(SliderClamping::Edits);
+    let slider = slider.trailing_fill(false).fixed_decimals(0).suffix(" K");
     let slider = slider_ui(ui, slider, Spelling::with_unit(" K")).labelled_by(label.id);
     slider.on_hover_text("Color temperature of the light that is shown as neutral");
     ui.end_row();

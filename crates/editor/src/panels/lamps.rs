@@ -295,7 +295,7 @@ fn place_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, state: &mut LampState)
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 3.0;
             for (value, axis) in place.as_mut().iter_mut().zip(["X", "Y", "Z"]) {
-                let number = Number::new(value).range(-MOST..=MOST).speed(0.01).fixed_decimals(2);
+                let number = Number::new(value).range(-MOST..=MOST).speed(0.01).fixed_decimals(3);
                 ui.add(number)
                     .on_hover_text(format!("{axis}, meters"))
                     .accessible_name(format!("{name} {what} {axis}"));

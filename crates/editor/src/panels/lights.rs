@@ -190,7 +190,7 @@ pub fn lights_ui(
     unfold_for(state, &items, &lights);
     let order = order(&items, &lights, &state.collapsed);
     let file = basis.file_rig();
-    let mut mix = Mix { lights: &lights, items: &items, order, look, file: &file, state, actions };
+    let mut mix = Mix { lights: &lights, items: &items, order, look, basis, file: &file, state, actions };
     keys(ui, &mut mix);
     if lights.iter().any(|light| mix.state.selection.has(&light.key)) {
         let frame = egui::Frame::NONE.inner_margin(egui::Margin::symmetric(0, 4));
@@ -339,5 +339,7 @@ fn keys(ui: &Ui, mix: &mut Mix) {
     }
     if let ([one], true) = (selected.as_slice(), pressed(Key::F2)) {
         mix.state.renaming = Some((one.clone(), mix.look.name_of(one).to_owned()));
+        // The field stands in its row, which may be folded away or out of sight.
+        mix.state.scroll_to = Some(one.clone());
     }
 }

@@ -73,6 +73,8 @@ pub enum LuxBake {
     /// There is no scene to bake it of.
     #[default]
     Never,
+    /// The pictures were taken, which tell nothing of it.
+    Taken,
     /// By a bake that can be started here.
     Ready,
     /// By the bake that runs.
@@ -145,7 +147,7 @@ pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions:
             ui.label(RichText::new("Of added lamps only the direct light counts").weak())
                 .on_hover_text("Bake with “Movable lamps” and “Illuminance” on to count what surfaces make of it");
         }
-        if view.lux_bake != LuxBake::Never {
+        if !matches!(view.lux_bake, LuxBake::Never | LuxBake::Taken) {
             ui.add_space(6.0);
             work_plane_ui(ui, work_plane, view, actions);
         }
@@ -235,6 +237,10 @@ pub fn missing_ui(ui: &mut Ui, lux_bake: LuxBake, actions: &mut Vec<Action>) {
         ui.label(words).on_hover_text("The preview of the picture is first");
         return;
     }
+    if lux_bake == LuxBake::Taken {
+        ui.label(RichText::new("Pictures that were taken tell no illuminance").weak());
+        return;
+    }
     ui.label(RichText::new("This bake holds no illuminance").weak());
     let button = ui.add_enabled(lux_bake == LuxBake::Ready, Button::new("Bake with illuminance"));
     let button = button.on_hover_text("Bakes again, with the light that arrives at each pixel, in lux");
@@ -315,7 +321,7 @@ fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, ac
             Number::new(&mut schedule.efficacy_lm_w).range(0.0..=400.0).speed(0.5).max_decimals(1).words(
                 |lm_w, _| if lm_w > 0.0 { format!("{} lm/W", number_words(lm_w as f32)) } else { "none".into() },
             );
-        ui.add(efficacy).labelled_by(label.id).on_hover_text(
+        ui.add(efficacy.read(|text| number_of(text, " lm/W"))).labelled_by(label.id).on_hover_text(
             "For lamps whose photometric file states no watts: theirs are lumen over this; without it they stay empty",
         );
         ui.end_row();

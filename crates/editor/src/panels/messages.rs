@@ -74,7 +74,12 @@ impl Messages {
         self.n_said += 1;
         let number = self.n_said;
         self.kept.push_front(Message { number, words, tone, said_at: now, seen_at: None, is_open: true });
-        self.kept.truncate(MOST_KEPT);
+        if self.kept.len() > MOST_KEPT {
+            // What went wrong stays until somebody closes it.
+            let may_go = |message: &Message| !message.is_open || message.tone != MessageTone::Problem;
+            let oldest = self.kept.iter().skip(1).rposition(may_go).map_or(MOST_KEPT, |nth| nth + 1);
+            self.kept.remove(oldest);
+        }
     }
 
     /// What has begun is over: it goes from the stack, and stays in the list.
@@ -282,5 +287,17 @@ mod tests {
         messages.settle(&ctx, 0.0);
         assert_eq!((messages.kept.len(), messages.drawn.len()), (MOST_KEPT, MOST_DRAWN));
         assert_eq!(messages.kept[0].words, "199");
+    }
+
+    #[test]
+    fn what_went_wrong_outlasts_any_number_of_calm_words() {
+        let mut messages = Messages::default();
+        messages.push("broken".into(), MessageTone::Problem);
+        (0..200).for_each(|nth| messages.push(format!("{nth}"), MessageTone::Calm));
+        assert_eq!((messages.kept.len(), messages.kept[0].words.as_str()), (MOST_KEPT, "199"));
+        assert!(words(&messages).contains(&"broken"));
+        messages.kept.iter_mut().for_each(|message| message.is_open = false);
+        (200..300).for_each(|nth| messages.push(format!("{nth}"), MessageTone::Calm));
+        assert!(messages.kept.iter().all(|message| message.words != "broken"));
     }
 }

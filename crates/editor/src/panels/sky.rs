@@ -12,7 +12,7 @@ use glam::Vec3;
 use super::number::Number;
 use crate::action::{Action, FileTask};
 use crate::illuminance::lux_words;
-use crate::look::sky::is_made_anew;
+use crate::look::sky::{ROTATION_DEG, is_made_anew};
 use dome::{DomePicture, dome_ui};
 pub use sun::NEW_SUN;
 use sun::{sun_of, sun_ui};
@@ -212,7 +212,7 @@ fn kind_ui(ui: &mut Ui, view: &SkyView, (sky, light): (&mut SkySetting, &SkyLigh
 
 fn turn_ui(ui: &mut Ui, sky: &mut SkySetting) {
     ui.label("Turn");
-    let number = Number::new(&mut sky.rotation_deg).speed(0.5).max_decimals(1).suffix("°");
+    let number = Number::new(&mut sky.rotation_deg).range(ROTATION_DEG).speed(0.5).max_decimals(1).suffix("°");
     let hint = "Turns map and sun counter-clockwise, seen from above, degrees";
     if ui.add(number).on_hover_text(hint).accessible_name("Turn of the sky").changed() {
         sky.rotation_deg = (sky.rotation_deg + 180.0).rem_euclid(360.0) - 180.0;
@@ -244,7 +244,7 @@ fn factor_ui(ui: &mut Ui, sky: &mut SkySetting) {
 }
 
 fn stops_ui(ui: &mut Ui, sky: &mut SkySetting) {
-    let before = sky.intensity.max(f32::MIN_POSITIVE).log2().max(-MOST_EV);
+    let before = sky.intensity.max(f32::MIN_POSITIVE).log2().clamp(-MOST_EV, MOST_EV);
     let mut stops = before;
     let number = Number::new(&mut stops).range(-MOST_EV..=MOST_EV).speed(0.02).max_decimals(2).suffix(" EV");
     let number = ui.add(number).on_hover_text("The same in stops").accessible_name("Intensity of the sky in EV");

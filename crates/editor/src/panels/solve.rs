@@ -1,7 +1,9 @@
 //! Solve for light: wishes for parts of the picture, the lights that may change for them, and what came of it.
 
 use clerestory_relight::Tone;
-use eframe::egui::{self, Button, Checkbox, CollapsingHeader, Grid, RichText, ScrollArea, Slider, Ui, vec2};
+use eframe::egui::{
+    self, Button, Checkbox, CollapsingHeader, Grid, RichText, ScrollArea, Slider, SliderClamping, Ui, vec2,
+};
 
 use super::display::tone_name;
 use super::measure::{LuxBake, missing_ui, tools_ui};
@@ -169,9 +171,11 @@ fn new_wish_ui(
             wishes.push(view.marked.unwrap_or("Wish"), place, state.wanted());
         }
         for (_, name) in &view.here.grids {
-            let is_for_grid = matches!(state.kind, Kind::Lux | Kind::Times) && wishes.has_room();
-            let hint = "For this sensor grid of the bake";
-            if ui.add_enabled(is_for_grid, Button::new(format!("Add for {name}"))).on_hover_text(hint).clicked() {
+            let is_kind = matches!(state.kind, Kind::Lux | Kind::Times);
+            let why = if is_kind { FULL } else { "Sensors tell lux: wish for Illuminance, or Times as bright" };
+            let add = ui.add_enabled(is_kind && wishes.has_room(), Button::new(format!("Add for {name}")));
+            let add = add.on_hover_text("For this sensor grid of the bake");
+            if add.on_disabled_hover_text(why).clicked() {
                 wishes.push(name, Where::Sensors(name.clone()), state.wanted());
             }
         }
@@ -230,7 +234,8 @@ fn wanted_ui(ui: &mut Ui, wish: &mut Entry, here: &Here) {
     match value {
         Some(value) => {
             let speed = (0.01 * *value).max(0.01);
-            let drag = Number::new(value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
+            let drag = Number::new(value).range(0.0..=1e6).leaves_what_is_outside().speed(speed).suffix(unit);
+            let drag = drag.max_decimals(2);
             let tip = format!("What is wanted there{}{}", if unit.is_empty() { "" } else { ", in" }, unit);
             ui.add(drag).on_hover_text(tip).accessible_name(name);
         }
@@ -239,8 +244,8 @@ fn wanted_ui(ui: &mut Ui, wish: &mut Entry, here: &Here) {
             ui.label(unit);
         }
     }
-    let weight = Number::new(&mut wish.weight).range(0.01..=100.0).speed(0.02).prefix("weight ");
-    ui.add(weight)
+    let weight = Number::new(&mut wish.weight).range(0.01..=100.0).leaves_what_is_outside();
+    ui.add(weight.speed(0.02).prefix("weight "))
         .on_hover_text("How much it counts beside the others")
         .accessible_name(format!("{} weight", wish.name));
 }
@@ -308,7 +313,7 @@ fn limits_ui(ui: &mut Ui, wishes: &mut Wishes, view: &SolveView) {
         ui.end_row();
         ui.label("Rest");
         let keep = Slider::new(&mut wishes.keep, 1e-4..=1.0).logarithmic(true).show_value(false);
-        ui.add(keep)
+        ui.add(keep.clamping(SliderClamping::Edits))
             .on_hover_text("How much the rest of the picture is kept: left hardly, right as much as a wish counts")
             .accessible_name("Keep the rest");
         ui.end_row();
@@ -339,6 +344,7 @@ fn run_ui(ui: &mut Ui, wishes: &Wishes, view: &SolveView, actions: &mut Vec<Acti
         let why = match () {
             () if wishes.list.is_empty() => "Add a wish first",
             () if view.is_soloed => "Clear the solo first: it hides what the other lights bring",
+            () if can_solve => "The lights are being looked for",
             () => "No wish fits what is shown",
         };
         if solve.on_disabled_hover_text(why).clicked() {

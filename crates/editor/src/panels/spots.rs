@@ -16,28 +16,37 @@ use crate::theme;
 pub const NEW_SPOT: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 0.2, color: None, intensity: 1.0 };
 /// Longer side of the pad in points.
 const PAD_SIDE: f32 = 120.0;
+/// Most that a look holds, so that it can be opened again.
+const MOST_RADIUS: f32 = 1000.0;
+const MOST_INTENSITY: f32 = 1e9;
 /// How far an arrow key moves a spot, in texels.
 const KEY_STEP_TEXELS: f32 = 0.25;
 /// Distance in points at which a handle is still touched.
 pub const HANDLE_REACH: f32 = 14.0;
 
-/// Draws the section of one panel, which is called `name` and has a shape: texels along a side, and sides in meters. `chosen` is the panel and spot that were touched last.
+/// Draws the section of one panel, which is called `name` and has a shape: texels along a side, and sides in meters. `marked` are the spots
+/// that it has in its file, none where all of it shines there. `chosen` is the panel and spot that were touched last.
 pub fn spots_ui(
     ui: &mut Ui,
     (source, name): (&LightSource, &str),
     shape: (u32, [f32; 2]),
-    panels: &mut BTreeMap<String, Vec<PanelSpot>>,
+    (panels, marked): (&mut BTreeMap<String, Vec<PanelSpot>>, Option<&[PanelSpot]>),
     chosen: &mut Option<(String, usize)>,
 ) {
     let key = &source.key;
     ui.horizontal(|ui| {
         ui.add_space(50.0);
-        let is_uniform = !panels.contains_key(key);
-        if ui.selectable_label(is_uniform, "Uniform").on_hover_text("The whole panel shines").clicked() {
+        let is_untouched = !panels.contains_key(key);
+        let (words, hint) = match marked {
+            None => ("Uniform", "The whole panel shines"),
+            Some(_) => ("As in the file", "The spots that the file marks shine"),
+        };
+        if ui.selectable_label(is_untouched, words).on_hover_text(hint).clicked() {
             panels.remove(key);
         }
-        if ui.selectable_label(!is_uniform, "Spots").on_hover_text("Only spots of it shine").clicked() && is_uniform {
-            panels.insert(key.clone(), vec![NEW_SPOT]);
+        if ui.selectable_label(!is_untouched, "Spots").on_hover_text("Only spots of it shine").clicked() && is_untouched
+        {
+            panels.insert(key.clone(), marked.map_or_else(|| vec![NEW_SPOT], <[PanelSpot]>::to_vec));
             *chosen = Some((key.clone(), 0));
         }
     });
@@ -153,17 +162,19 @@ fn spot_ui(ui: &mut Ui, name: &str, file_color: Vec3, spots: &mut Vec<PanelSpot>
 /// How large and how bright a spot is.
 fn amounts_ui(ui: &mut Ui, name: &str, spot: &mut PanelSpot) {
     ui.label(RichText::new("Radius").small().weak());
-    let radius = Slider::new(&mut spot.radius, 0.02..=1.0).clamping(egui::SliderClamping::Never).fixed_decimals(2);
-    slider_ui(ui, radius, Spelling::default())
-        .on_hover_text("Radius, in shorter sides of the panel")
-        .accessible_name(format!("{name} spot radius"));
+    let mut across = spot.radius;
+    let radius = Slider::new(&mut across, 0.02..=1.0).clamping(egui::SliderClamping::Never).fixed_decimals(2);
+    let radius = slider_ui(ui, radius, Spelling::default()).on_hover_text("Radius, in shorter sides of the panel");
+    if radius.accessible_name(format!("{name} spot radius")).changed() {
+        spot.radius = across.clamp(0.0, MOST_RADIUS);
+    }
     ui.label(RichText::new("Intensity").small().weak());
     let mut level = spot.intensity;
     let intensity = Slider::new(&mut level, 0.0..=20.0).logarithmic(true).smallest_positive(0.02).fixed_decimals(2);
     let intensity = intensity.clamping(egui::SliderClamping::Never);
     let intensity = slider_ui(ui, intensity, Spelling::default()).on_hover_text("Intensity");
     if intensity.accessible_name(format!("{name} spot intensity")).changed() {
-        spot.intensity = level.max(0.0);
+        spot.intensity = level.clamp(0.0, MOST_INTENSITY);
     }
 }
 

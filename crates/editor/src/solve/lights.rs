@@ -144,7 +144,7 @@ fn unknown(source: &LightSource, own: LightSetting, scene: &Scene, freedom: Free
     let color = own.tint(source.color);
     // A sky keeps its colors, and so do spots that have one of their own.
     let is_sky = matches!(source.kind, SourceKind::Sky | SourceKind::Dome { .. } | SourceKind::Sun { .. });
-    let spots = scene.rig.panels.get(&source.key);
+    let spots = scene.bake.header.basis.spots_of(&scene.rig, &source.key);
     let has_own = spots.is_some_and(|spots| spots.iter().any(|spot| spot.color.is_some()));
     let is_colored = freedom != Freedom::Intensity && !is_sky && !has_own && luminance(color) > 0.0;
     Unknown { key: source.key.clone(), own, color, is_colored }

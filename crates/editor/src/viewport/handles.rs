@@ -92,11 +92,21 @@ impl PanelPicker<'_> {
         (t.is_finite() && t > 0.0 && uv.is_finite()).then_some(uv.to_array())
     }
 
+    /// Spots of a panel: those of the look, else those of its file.
+    fn spots<'a>(&'a self, key: &str, look: &'a Look) -> &'a [PanelSpot] {
+        self.scene.lighting.basis.spots_of(&look.lights, key).map_or(&[] as &[PanelSpot], Vec::as_slice)
+    }
+
+    /// Those of the look, which takes over what the file has.
+    fn own_spots<'a>(&self, key: &str, look: &'a mut Look) -> &'a mut Vec<PanelSpot> {
+        let of_file = || self.scene.lighting.basis.spots.get(key).cloned().unwrap_or_default();
+        look.lights.panels.entry(key.to_owned()).or_insert_with(of_file)
+    }
+
     /// The handle within reach of the pointer.
     fn handle(&self, at: Pos2, look: &Look) -> Option<(&str, usize)> {
         let handles = self.panels().filter(|(_, panel)| self.faces(panel)).flat_map(|(key, panel)| {
-            let spots = look.lights.panels.get(key).map_or(&[] as &[PanelSpot], Vec::as_slice);
-            spots.iter().enumerate().filter_map(move |(idx, spot)| {
+            self.spots(key, look).iter().enumerate().filter_map(move |(idx, spot)| {
                 Some((key, idx, self.seen_at(panel, spot.position.into())?.distance(at)))
             })
         });
@@ -107,10 +117,11 @@ impl PanelPicker<'_> {
     /// What a press takes hold of. On a panel without spots it makes the first one.
     pub fn grab(&self, at: Pos2, look: &mut Look) -> Option<Grab> {
         if let Some((key, idx)) = self.handle(at, look) {
+            self.own_spots(key, look);
             return Some(Grab::Spot { panel: key.to_string(), idx });
         }
         let (key, uv) = self.hit(at)?;
-        let spots = look.lights.panels.entry(key.to_string()).or_default();
+        let spots = self.own_spots(key, look);
         if spots.is_empty() {
             spots.push(PanelSpot { position: uv.to_array(), ..NEW_SPOT });
         }
@@ -147,7 +158,7 @@ impl PanelPicker<'_> {
     /// Adds a spot where the pointer is on a panel; answers which.
     pub fn add(&self, at: Pos2, look: &mut Look) -> Option<(String, usize)> {
         let (key, uv) = self.hit(at)?;
-        let spots = look.lights.panels.entry(key.to_string()).or_default();
+        let spots = self.own_spots(key, look);
         let like = spots.last().copied().unwrap_or(NEW_SPOT);
         spots.push(PanelSpot { position: uv.to_array(), ..like });
         Some((key.to_string(), spots.len() - 1))
@@ -159,8 +170,7 @@ impl PanelPicker<'_> {
             return Some(format!("{}, spot {}, drag to move it", look.name_of(key), idx + 1));
         }
         let (key, _) = self.hit(at)?;
-        let has_spots = look.lights.panels.get(key).is_some_and(|spots| !spots.is_empty());
-        let what = if has_spots {
+        let what = if !self.spots(key, look).is_empty() {
             "drag to move the nearest spot, double-click to add one"
         } else {
             "drag to place a spot of light"
@@ -171,7 +181,7 @@ impl PanelPicker<'_> {
     /// Draws a handle for each spot, and the outline of the chosen one on its panel.
     pub fn paint(&self, painter: &Painter, look: &Look, chosen: Option<&(String, usize)>) {
         for (key, panel) in self.panels().filter(|(_, panel)| self.faces(panel)) {
-            for (idx, spot) in look.lights.panels.get(key).into_iter().flatten().enumerate() {
+            for (idx, spot) in self.spots(key, look).iter().enumerate() {
                 let is_chosen = chosen.is_some_and(|(k, i)| k == key && *i == idx);
                 let Some(center) = self.seen_at(panel, spot.position.into()) else { continue };
                 let color = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };

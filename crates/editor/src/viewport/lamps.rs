@@ -196,9 +196,14 @@ fn body_ui(
     actions: &mut Vec<Action>,
 ) -> bool {
     let is_chosen = state.is_chosen(&lamp.key);
+    let rim = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
+    if state.aiming {
+        // The next click is about what is to be lit, whatever lamp is seen before it.
+        paint_body(painter, (center, 6.0), lamp, rim);
+        return false;
+    }
     let words = if is_chosen { part_words(Part::Body, name) } else { format!("{name} in the picture") };
     let response = handle(ui, center, Id::unique(("lamp", lamp.key.as_str())), &words);
-    let rim = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
     paint_body(painter, (center, if response.hovered() { 7.0 } else { 6.0 }), lamp, rim);
     let is_held = take_hold(ui, [&response, picture], sight, Part::Body, lamp, state);
     if response.clicked() {

@@ -11,6 +11,7 @@ use glam::Vec3;
 
 use super::gizmo::Sight;
 use super::lamps::hint;
+use super::probe::choose;
 use crate::action::Action;
 use crate::look::Look;
 use crate::panels::lamps::{Pick, make_movable_ui};
@@ -70,12 +71,11 @@ pub fn marks_ui(
             lights.lamps.pulled_at = Some(at);
             actions.push(Action::PullLamp { key: source.key.clone(), at: at.into() });
         }
-        // Chosen, it stays there while its menu is open.
+        // Chosen, it stays there while its menu is open. The handles of another lamp go: keys are not for that one any more.
         if response.clicked() {
-            lights.chosen = Some(source.key.clone());
-            lights.lamps.picked = Some((source.key.clone(), Pick::of(ui.input(|input| input.modifiers))));
+            choose(lights, &source.key, Pick::of(ui.input(|input| input.modifiers)));
         } else if response.secondary_clicked() {
-            lights.chosen = Some(source.key.clone());
+            choose(lights, &source.key, Pick::Alone);
         }
         context_menu(&response, |ui| mark_menu(ui, (&source.key, is_measured), lights, actions));
         touched |= response.hovered() || response.clicked();

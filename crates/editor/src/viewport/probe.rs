@@ -77,10 +77,10 @@ const WIDTH: f32 = 268.0;
 const BESIDE: f32 = 18.0;
 
 impl Reading {
-    /// Luminance and illuminance, with their units; illuminance in foot-candles as well.
+    /// Luminance and illuminance, with their units; illuminance in foot-candles as well. What noise takes below nothing is none.
     pub fn words(&self) -> String {
-        let luminance = format!("{} cd/m²", number_words(luminance(self.radiance)));
-        match self.lux {
+        let luminance = format!("{} cd/m²", number_words(luminance(self.radiance).max(0.0)));
+        match self.lux.map(|lux| lux.max(0.0)) {
             Some(lux) => {
                 let foot_candles = f64::from(lux) / FOOT_CANDLE_LX;
                 format!("{luminance}, {} lx ({} fc)", number_words(lux), number_words(foot_candles as f32))
@@ -372,6 +372,7 @@ pub fn choose(lights: &mut LightsState, key: &str, pick: Pick) {
 /// A part of a whole for people: no more digits than tell something.
 fn percent(part: f32, total: f32) -> String {
     match 100.0 * part / total.max(1e-9) {
+        _ if total < 0.0 => "– %".into(),
         share if share.abs() < 0.95 => format!("{share:.1} %"),
         share => format!("{share:.0} %"),
     }
@@ -395,6 +396,9 @@ mod tests {
     fn shares_have_no_more_digits_than_tell_something() {
         let words = [(1.0, 1.0), (0.25, 1.0), (0.004, 1.0), (0.0, 0.0)].map(|(part, total)| percent(part, total));
         assert_eq!(words, ["100 %", "25 %", "0.4 %", "0.0 %"]);
+        assert_eq!(percent(0.1, -0.001), "– %", "noise has left less than nothing");
+        let dark = Reading { px: [0, 0], radiance: Vec3::splat(-0.1), lux: Some(-0.1) };
+        assert_eq!(dark.words(), "0 cd/m², 0 lx (0 fc)");
     }
 
     #[test]

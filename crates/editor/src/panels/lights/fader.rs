@@ -85,7 +85,7 @@ pub(super) fn fader_ui(ui: &mut Ui, label: &str, (size, more): (Vec2, More), int
         asked.filter_map(number).last()
     });
     if let Some(asked) = asked.filter(|asked| asked.is_finite()) {
-        *intensity = asked.max(0.0);
+        *intensity = asked.clamp(0.0, 1e6);
     }
     if *intensity != before {
         response.mark_changed();

@@ -231,7 +231,7 @@ pub fn take_in(rig: &mut LightRig, basis: &LightBasis, known: &BTreeSet<String>)
 }
 
 fn nameless(source: &LightSource) -> Listed<'_> {
-    Listed { key: source.key.clone(), name: String::new(), light: LightOf::Scene(source) }
+    Listed { key: source.key.clone(), name: String::new(), light: LightOf::Scene(source), spots: None }
 }
 
 fn is_sky(kind: SourceKind) -> bool {

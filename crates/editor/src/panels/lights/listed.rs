@@ -1,10 +1,11 @@
 //! What the panel lists: the lights of the scene and the free lamps alike.
 
 use std::collections::BTreeMap;
+use std::f32::consts::PI;
 
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
-use clerestory_transport::light::{LightSetting, luminance};
+use clerestory_transport::light::{LightSetting, PanelSpot, luminance};
 use glam::Vec3;
 
 use crate::look::Look;
@@ -23,6 +24,8 @@ pub(in crate::panels) struct Listed<'a> {
     pub name: String,
     /// What it is.
     pub light: LightOf<'a>,
+    /// Spots of a panel, as they are set or as its file marks them; none where all of it shines.
+    pub spots: Option<Vec<PanelSpot>>,
 }
 
 /// Where a light comes from.
@@ -40,11 +43,14 @@ pub(super) fn listed<'a>(basis: &'a LightBasis, look: &Look, profiles: &mut Prof
         key: lamp.key.clone(),
         name: look.name_of(&lamp.key).to_owned(),
         light: LightOf::Look(lamp.clone(), lumens_per_candela(lamp, profiles)),
+        spots: None,
     });
+    let is_panel = |source: &LightSource| matches!(source.kind, SourceKind::Panel { .. });
     let sources = basis.sources.iter().map(|source| Listed {
         key: source.key.clone(),
         name: look.name_of(&source.key).to_owned(),
         light: LightOf::Scene(source),
+        spots: basis.spots_of(&look.lights, &source.key).filter(|_| is_panel(source)).cloned(),
     });
     lamps.chain(sources).collect()
 }
@@ -95,7 +101,11 @@ impl Listed<'_> {
     /// How much of its light there is under a setting, muted or not; `None` where that does not follow from what it is.
     pub fn amount(&self, setting: &LightSetting, unit: LampUnit) -> Option<f32> {
         match &self.light {
-            LightOf::Scene(source) => source.amount(setting, unit),
+            LightOf::Scene(source) => match (&self.spots, unit) {
+                (Some(spots), LampUnit::Lumen) => source.lumens_of_spots(setting, spots),
+                (Some(spots), LampUnit::Candela) => Some(source.lumens_of_spots(setting, spots)? / PI),
+                _ => source.amount(setting, unit),
+            },
             LightOf::Look(lamp, per_candela) => {
                 let strength = match (lamp.unit, unit, per_candela) {
                     (has, wanted, _) if has == wanted => Some(lamp.strength),
@@ -136,9 +146,43 @@ pub(crate) fn source_words(kind: SourceKind) -> String {
         SourceKind::Emitter => "Emissive surface".into(),
         SourceKind::Panel { resolution, .. } => format!("Panel of {resolution} × {resolution} texels"),
         SourceKind::Sky => "Sky".into(),
-        SourceKind::Dome { divisions } => format!("Sky of {} patches", 144 * divisions * divisions + 146),
+        // Those above the horizon, as they are chosen by.
+        SourceKind::Dome { divisions } => format!("Sky of {} patches", 144 * divisions * divisions + 1),
         SourceKind::Sun { .. } => "Sun".into(),
         SourceKind::Constant => "Unlit surfaces".into(),
         SourceKind::Image => "Picture taken under this light".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::origin::LightOrigin;
+
+    use super::*;
+    use crate::schedule::Schedule;
+
+    #[test]
+    fn the_flux_of_a_panel_is_what_its_spots_leave_of_it_here_and_in_the_schedule() {
+        let kind = SourceKind::Panel { resolution: 8, size_m: [1.0, 1.0] };
+        let origin = LightOrigin { lumens: Some(2.0), ..LightOrigin::default() };
+        let source = LightSource { origin, strength: 50.0, ..LightSource::plain("panel", kind, 0..64) };
+        let mut basis = LightBasis::new(vec![source]);
+        let mut look = Look::default();
+        let lumens = |basis: &LightBasis, look: &Look| {
+            let lights = listed(basis, look, &mut Profiles::new());
+            let amount = |unit| lights[0].amount(&LightSetting::default(), unit).unwrap();
+            let schedule = Schedule::new(basis, None, look, None, None);
+            let [lumen, candela] = [LampUnit::Lumen, LampUnit::Candela].map(amount);
+            assert!((PI * candela - lumen).abs() < 1e-3, "{candela} cd");
+            assert!((schedule.luminaires[0].lumen.unwrap() - f64::from(lumen)).abs() < 1e-3, "{schedule:?}");
+            lumen
+        };
+        assert!((lumens(&basis, &look) - 100.0).abs() < 1e-3);
+        let spot = PanelSpot { position: [0.5; 2], radius: 0.25, color: None, intensity: 1.0 };
+        basis.spots.insert("panel".into(), vec![spot]);
+        let of_file = lumens(&basis, &look);
+        assert!(of_file > 10.0 && of_file < 40.0, "a fifth of it, about: {of_file}");
+        look.lights.panels.insert("panel".into(), vec![PanelSpot { intensity: 2.0, ..spot }]);
+        assert!((lumens(&basis, &look) - 2.0 * of_file).abs() < 1e-3);
     }
 }

@@ -1,5 +1,6 @@
 //! What rows, strips and cells of the panel read and write.
 
+use clerestory_transport::basis::LightBasis;
 use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::{LightRig, LightSetting};
 use eframe::egui::Ui;
@@ -20,6 +21,8 @@ pub(super) struct Mix<'a> {
     /// Keys as they are shown, from the first to the last; a table, which is sorted, sets its own.
     pub order: Vec<String>,
     pub look: &'a mut Look,
+    /// What is open.
+    pub basis: &'a LightBasis,
     /// What the file itself is lit by.
     pub file: &'a LightRig,
     pub state: &'a mut LightsState,

@@ -23,6 +23,8 @@ use crate::theme;
 
 /// Height of a row in points.
 pub(super) const HEIGHT: f32 = 24.0;
+/// Under which the height of the row that was drawn last is kept.
+const ROW: &str = "row of a light";
 /// Width of a number with its unit.
 pub(super) const NUMBER: f32 = 62.0;
 /// Width of the mark in front of what differs from the file.
@@ -57,6 +59,7 @@ pub(super) fn row_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, indent: f32) {
             });
         });
         let rect = row.response.rect;
+        ui.data_mut(|data| data.insert_temp(Id::unique(ROW), rect.height()));
         if mix.state.selection.has(key) {
             let fill = ui.visuals().selection.bg_fill.gamma_multiply(0.55);
             ui.painter().set(background, Shape::rect_filled(rect.expand2(vec2(2.0, 1.0)), 3.0, fill));
@@ -221,6 +224,7 @@ pub(super) fn menu_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
     }
     if ui.button("Rename…").clicked() {
         mix.state.renaming = Some((key.clone(), light.name.clone()));
+        mix.state.scroll_to = Some(key.clone());
         ui.close();
     }
     match &light.light {
@@ -283,7 +287,9 @@ pub(super) fn below_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
         LightOf::Scene(source) => {
             if let SourceKind::Panel { resolution, size_m } = source.kind {
                 let of = (*source, light.name.as_str());
-                spots_ui(ui, of, (resolution, size_m), &mut mix.look.lights.panels, &mut mix.state.spot);
+                let marked = mix.basis.spots.get(&light.key).map(Vec::as_slice);
+                let spots = (&mut mix.look.lights.panels, marked);
+                spots_ui(ui, of, (resolution, size_m), spots, &mut mix.state.spot);
             }
         }
         LightOf::Look(lamp, _) if mix.state.lamps.is_chosen(&lamp.key) => {
@@ -295,7 +301,9 @@ pub(super) fn below_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
 
 /// Whether a row that begins at the cursor would be seen; if not, only its place is kept.
 pub(super) fn passes_over(ui: &mut Ui, is_long: bool) -> bool {
-    let rect = Rect::from_min_size(ui.cursor().min, vec2(ui.available_width(), HEIGHT));
+    // In a narrow panel each row has two lines.
+    let height = ui.data(|data| data.get_temp::<f32>(Id::unique(ROW))).unwrap_or(HEIGHT);
+    let rect = Rect::from_min_size(ui.cursor().min, vec2(ui.available_width(), height));
     let passes = is_long && !ui.is_rect_visible(rect);
     if passes {
         ui.allocate_space(rect.size());

@@ -241,7 +241,8 @@ pub(super) fn number_ui(
         (Shown::WithUnit, _) => format!(" {}", measure.unit()),
         (Shown::Bare | Shown::Mixed, _) => String::new(),
     };
-    let drag = Number::new(&mut number).range(range).speed(speed).suffix(suffix).read(move |text| typed(text, measure));
+    let drag = Number::new(&mut number).range(range).leaves_what_is_outside().speed(speed).suffix(suffix);
+    let drag = drag.read(move |text| typed(text, measure));
     let drag = drag.words(move |number, _| match shown {
         Shown::Mixed => "mixed".into(),
         Shown::WithUnit | Shown::Bare => measure.digits(number),

@@ -86,8 +86,10 @@ pub(super) fn toggle(solo: &mut BTreeSet<String>, keys: &[String]) {
     }
 }
 
-/// Mutes all of some lights, or none if all were.
+/// Mutes all of some lights, or none if all were. One in whose place a lamp shines stays off among others: both would shine.
 pub(super) fn toggle_mute(rig: &mut LightRig, keys: &[String]) {
+    let free: Vec<&String> = keys.iter().filter(|key| !rig.is_replaced(key)).collect();
+    let keys = if free.is_empty() { keys.iter().collect() } else { free };
     let is_all = keys.iter().all(|key| rig.own_setting(key).muted);
     for key in keys {
         rig.set(key, LightSetting { muted: !is_all, ..rig.own_setting(key) });
@@ -219,5 +221,14 @@ mod tests {
         assert!(rig.setting("a").muted && rig.setting("b").muted);
         toggle_mute(&mut rig, &keys);
         assert_eq!(rig, LightRig::default());
+        // The lamp `free` shines in the place of `a`.
+        let mut rig = exchanged();
+        let keys = ["a", "b", "free"].map(str::to_owned);
+        for muted in [[true, true, true], [true, false, false]] {
+            toggle_mute(&mut rig, &keys);
+            assert_eq!(["a", "b", "free"].map(|key| rig.own_setting(key).muted), muted);
+        }
+        toggle_mute(&mut rig, &keys[..1]);
+        assert!(!rig.own_setting("a").muted, "by itself it does as it is told");
     }
 }

@@ -3,7 +3,7 @@
 use clerestory_transport::sky::{
     DEFAULT_TURBIDITY, SkyLight, SkySetting, SunPlace, SunPosition, SunSetting, SunTime, n_days,
 };
-use eframe::egui::{Button, ComboBox, Grid, RichText, Slider, Ui};
+use eframe::egui::{Button, ComboBox, Grid, RichText, Slider, SliderClamping, Ui};
 
 use crate::panels::number::{Number, Spelling, slider_ui};
 
@@ -78,15 +78,17 @@ pub(super) fn sun_ui(
     }
     ui.horizontal(|ui| {
         ui.label("Haze");
-        let slider = Slider::new(&mut sun.turbidity, 2.0..=10.0).max_decimals(1);
+        // What a look says more exactly stays.
+        let slider = Slider::new(&mut sun.turbidity, 2.0..=10.0).max_decimals(1).clamping(SliderClamping::Edits);
         let haze = slider_ui(ui, slider, Spelling::default());
         haze.on_hover_text("Turbidity: 2 is very clear, 10 is hazy").accessible_name("Haze");
         let speed = (0.01 * f64::from(sun.intensity)).max(1e-3);
         let number = Number::new(&mut sun.intensity).range(0.0..=1e9).speed(speed).max_decimals(3).suffix("×");
         ui.add(number).on_hover_text("Multiplies the sun alone").accessible_name("Intensity of the sun");
     });
+    let north_deg = if let SunPlace::Time { north_deg, .. } = sun.place { north_deg } else { 0.0 };
     if let Ok(position) = sun.position() {
-        ui.label(RichText::new(position_words(position)).weak());
+        ui.label(RichText::new(position_words(position, north_deg)).weak());
     }
 }
 
@@ -180,12 +182,13 @@ fn parsed_minutes(text: &str) -> Option<f64> {
     }
 }
 
-fn position_words(position: SunPosition) -> String {
+/// Where the sun stands, by the wind as it is called where north has an azimuth, and by its own in the scene.
+fn position_words(position: SunPosition, north_deg: f64) -> String {
     let SunPosition { azimuth_deg, elevation_deg } = position;
     if elevation_deg <= 0.0 {
         return format!("The sun is {:.1}° below the horizon", -elevation_deg);
     }
-    let wind = WINDS[(azimuth_deg.rem_euclid(360.0) / 45.0).round() as usize % 8];
+    let wind = WINDS[((azimuth_deg - north_deg).rem_euclid(360.0) / 45.0).round() as usize % 8];
     format!("In the {wind}, azimuth {azimuth_deg:.1}°, {elevation_deg:.1}° high")
 }
 
@@ -213,9 +216,12 @@ mod tests {
 
     #[test]
     fn a_place_is_told_by_the_wind() {
-        let at = |azimuth_deg, elevation_deg| position_words(SunPosition { azimuth_deg, elevation_deg });
-        assert_eq!(at(359.0, 10.0), "In the north, azimuth 359.0°, 10.0° high");
-        assert_eq!(at(92.0, 10.0), "In the east, azimuth 92.0°, 10.0° high");
-        assert_eq!(at(0.0, -6.0), "The sun is 6.0° below the horizon");
+        let at = |azimuth_deg, elevation_deg, north_deg| {
+            position_words(SunPosition { azimuth_deg, elevation_deg }, north_deg)
+        };
+        assert_eq!(at(359.0, 10.0, 0.0), "In the north, azimuth 359.0°, 10.0° high");
+        assert_eq!(at(92.0, 10.0, 0.0), "In the east, azimuth 92.0°, 10.0° high");
+        assert_eq!(at(270.0, 10.0, 90.0), "In the south, azimuth 270.0°, 10.0° high", "north is on the right");
+        assert_eq!(at(0.0, -6.0, 0.0), "The sun is 6.0° below the horizon");
     }
 }
