@@ -205,7 +205,7 @@ fn table_rows(what: &str, costs: &[Cost]) -> String {
     )
 }
 
-/// The exponent of points (x, y), and how many of them have one, which are those above zero.
+/// The exponent of the points (x, y) above zero, and how many they are.
 fn exponent_words(points: impl Iterator<Item = [f64; 2]>) -> String {
     let points: Vec<[f64; 2]> = points.filter(|[x, y]| *x > 0.0 && *y > 0.0).collect();
     let words = |e: f64| {
