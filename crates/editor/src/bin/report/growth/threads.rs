@@ -18,7 +18,7 @@ use crate::fit::{hundredths, median, spread_words};
 use crate::lamps::tables::Goal;
 
 /// Times that each number of threads is measured, in turn, in a hurry and else.
-const TURNS: [usize; 2] = [3, 11];
+const TURNS: [usize; 2] = [3, 7];
 /// Rays of a pass of the bare loop.
 const N_RAYS: usize = 200_000;
 /// What is aimed at.
