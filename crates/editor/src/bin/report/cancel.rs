@@ -65,7 +65,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "A scene is read, and a bake of it of {} × {} pixels with {PATCHES} patches and irradiance made; both are cancelled at moments\n\
          spread over each of their stages, and the time is taken until all their threads are free. The window itself never waits.\n\
-         Asked for of the slowest: {:.0} ms. Each moment is one bake, of seed {}.\n\n\
+         Asked for, of the slowest answer: {:.0} ms. All bakes are of seed {}.\n\n\
          {}\n\n\
          | scene | stage | lasts, s | cancels | answer, ms, mean | slowest |\n|---|---|---|---|---|---|\n{rows}",
         FILM.width,
