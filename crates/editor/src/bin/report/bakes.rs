@@ -2,12 +2,20 @@
 
 mod ways;
 
-use anyhow::Result;
+use std::path::Path;
+
+use anyhow::{Context, Result};
 use clerestory::compare::read_exr;
+use clerestory_relight::Radiance;
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
+use clerestory_transport::light::LightRig;
+use clerestory_transport::prepared::PreparedScene;
 
 use super::cases::{Case, cases};
 use super::desk::{Desk, clerestory, number};
-use super::errors::pictures_beside_two;
+use super::errors::{Told, pixels_beside_two};
+use super::reference::near_seen_light;
 
 /// Tolerance in dB.
 const TOLERANCE: &str = "40";
@@ -32,7 +40,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          Asked for {TOLERANCE} dB, with as many samples per pixel at most as the table tells. Times in seconds, from the start of the command: to the preview (a whole\n\
          picture with all columns) and to the end. Errors in dB, as the bake tells them: truncation / sampling / total. The\n\
          last column holds the relit picture (all lights as in the file) against two path-traced ones of {reference_spp} samples each, as in the section Error against\n\
-         time: their noise does not count, and no error is told as less than its standard error. Each row is one bake, of seed 0; traced pictures have seeds 7 and 8. {}\n\n\
+         time: their noise does not count, pixels that show a light, or lie beside one that does, are left out, and where the standard error is greater than the error, it is what is told, after \"≥\". Each row is one bake, of seed 0; traced pictures have seeds 7 and 8. {}\n\n\
          | scene | size | samples | columns | preview | bake | rank mean / max | MB in the file / in memory | dense / file | error dB | dB beside two traces |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n{rows}{ways}",
         desk.load_words(),
@@ -51,9 +59,10 @@ fn measure(desk: &Desk, case: &Case, reference_spp: &str) -> Result<String> {
         clerestory(&[&["trace", &scene, "-o", &traced][..], &how].concat())?;
         read_exr(traced.as_ref())
     };
-    let db = pictures_beside_two(&read_exr(relit.as_ref())?, [&traced("7")?, &traced("8")?]);
+    let relit = read_exr(relit.as_ref())?;
+    let beside = pixels_beside_two(&relit, [&traced("7")?, &traced("8")?], &left_out(scene.as_ref(), &relit)?);
     Ok(format!(
-        "| {} | {} | {} | {:.0} | {:.1} | {:.1} | {:.2} / {:.0} | {:.2} / {:.1} | {:.0}× | {:.1} / {:.1} / {:.1} | {:.1} |\n",
+        "| {} | {} | {} | {:.0} | {:.1} | {:.1} | {:.2} / {:.0} | {:.2} / {:.1} | {:.0}× | {:.1} / {:.1} / {:.1} | {} |\n",
         case.name,
         case.size.replace('x', "×"),
         case.spp,
@@ -68,6 +77,14 @@ fn measure(desk: &Desk, case: &Case, reference_spp: &str) -> Result<String> {
         number(&told, "/error_db/truncation"),
         number(&told, "/error_db/sampling"),
         number(&told, "/error_db/total"),
-        db.unwrap_or(f64::NAN),
+        beside.map_or("—".into(), Told::words),
     ))
+}
+
+/// Pixels of a picture of a scene under the light of its file that are compared with nothing.
+fn left_out(scene: &Path, picture: &Radiance) -> Result<Vec<bool>> {
+    let imported = import::load(scene).with_context(|| format!("cannot load the scene {}", scene.display()))?;
+    let scene = PreparedScene::new(imported.scene, &[])?.0;
+    let film = Film { width: picture.width, height: picture.height };
+    Ok(near_seen_light(&scene, film, &scene.lighting.basis.project(&LightRig::default())))
 }

@@ -4,6 +4,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, ensure};
+use clerestory_transport::bake::BakeConfig;
 use serde_json::Value;
 
 use super::desk::{Desk, number, program};
@@ -57,8 +58,9 @@ pub fn write(desk: &Desk) -> Result<String> {
     }
     Ok(format!(
         "What `bake --estimate` says against what the bake takes, with 16 samples of a pixel: the greatest resident set of the process,\n\
-         reading the scene included, and the seconds from the start of the bake. {}\n\n{}\n\n\
+         reading the scene included, and the seconds from the start of the bake. Each row is one bake, of seed {}. {}\n\n{}\n\n\
          | scene | picture | MB said | taken | off | s said | taken | off | file, off |\n|---|---|---|---|---|---|---|---|---|\n{rows}",
+        BakeConfig::default().seed,
         desk.load_words(),
         desk.provenance("budgets"),
     ))

@@ -19,6 +19,7 @@ use clerestory_transport::skips::Skips;
 use clerestory_transport::stop::Stop;
 
 use super::desk::{Desk, program};
+use super::lamps::tables::Goal;
 
 const FILM: Film = Film { width: 96, height: 72 };
 /// Patches for movable lamps.
@@ -64,12 +65,13 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "A scene is read, and a bake of it of {} × {} pixels with {PATCHES} patches and irradiance made; both are cancelled at moments\n\
          spread over each of their stages, and the time is taken until all their threads are free. The window itself never waits.\n\
-         Asked for: {:.0} ms.\n\n\
+         Asked for, of the slowest answer: {:.0} ms. All bakes are of seed {}.\n\n\
          {}\n\n\
          | scene | stage | lasts, s | cancels | answer, ms, mean | slowest |\n|---|---|---|---|---|---|\n{rows}",
         FILM.width,
         FILM.height,
         1e3 * AT_ONCE_SECS,
+        BakeConfig::default().seed,
         desk.provenance("cancel"),
     ))
 }
@@ -88,7 +90,8 @@ fn of_scene(desk: &Desk, path: &Path) -> Result<String> {
         rows += &row(["", stage.words()], secs, n_cancels, |after| answer(&job, stage, after))?;
     }
     let (n, slowest) = signals(desk, path, n_cancels)?;
-    rows += &format!("| | Ctrl-C to the command line, at any moment | | {n} | | {:.0} |\n", 1e3 * slowest);
+    let slowest = slowest_words((n > 0).then_some(slowest));
+    rows += &format!("| | Ctrl-C to the command line, at any moment | | {n} | | {slowest} |\n");
     Ok(rows)
 }
 
@@ -146,11 +149,15 @@ fn row(
     let answers = moments.map(answer).collect::<Result<Vec<_>>>()?;
     // The stage of another run may have been over already.
     let answers: Vec<f64> = answers.into_iter().flatten().collect();
-    let mean = answers.iter().sum::<f64>() / answers.len().max(1) as f64;
-    let slowest = answers.iter().copied().fold(0.0, f64::max);
-    let late = if slowest > AT_ONCE_SECS { " (late)" } else { "" };
-    let (n, mean, slowest) = (answers.len(), 1e3 * mean, 1e3 * slowest);
-    Ok(format!("| {scene} | {stage} | {secs:.2} | {n} | {mean:.0} | {slowest:.0}{late} |\n"))
+    let slowest = answers.iter().copied().reduce(f64::max);
+    let n = answers.len();
+    let mean = slowest.map_or("—".into(), |_| format!("{:.0}", 1e3 * answers.iter().sum::<f64>() / n as f64));
+    Ok(format!("| {scene} | {stage} | {secs:.2} | {n} | {mean} | {} |\n", slowest_words(slowest)))
+}
+
+/// Milliseconds of the slowest answer, and whether that is what is asked for; of none nothing is known.
+fn slowest_words(secs: Option<f64>) -> String {
+    secs.map_or("—".into(), |secs| format!("{:.0}, {}", 1e3 * secs, Goal::Most(AT_ONCE_SECS).word(secs)))
 }
 
 /// Follows a bake from stage to stage.
@@ -256,4 +263,14 @@ fn signals(desk: &Desk, scene: &Path, n: usize) -> Result<(usize, f64)> {
         (n_interrupted, slowest) = (n_interrupted + 1, slowest.max(asked.elapsed().as_secs_f64()));
     }
     Ok((n_interrupted, slowest))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_answer_is_at_once_or_late_and_none_is_neither() {
+        assert_eq!([Some(0.2), Some(0.25), None].map(slowest_words), ["200, kept", "250, missed", "—"]);
+    }
 }

@@ -40,8 +40,17 @@ impl Sum {
     /// The mean, or its standard error where that is greater: what is known of something that is not negative, but that its estimates
     /// scatter around.
     pub fn mean_at_least_known(&self) -> f64 {
+        self.mean().max(self.standard_error())
+    }
+
+    /// Whether the standard error is the greater of both.
+    pub fn is_noise(&self) -> bool {
+        self.mean() < self.standard_error()
+    }
+
+    fn standard_error(&self) -> f64 {
         let n = self.n.max(1.0);
-        self.mean().max((self.squares / n - self.mean().powi(2)).max(0.0).sqrt() / n.sqrt())
+        (self.squares / n - self.mean().powi(2)).max(0.0).sqrt() / n.sqrt()
     }
 
     /// 0 of nothing.
@@ -50,15 +59,44 @@ impl Sum {
     }
 }
 
-/// The error in dB of a picture beside two whose noise is their own, given the entries of all three: the mean of (x − a)(x − b)
+/// An error in dB as it is told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Told {
+    /// Below the peak.
+    pub db: f64,
+    /// Whether it is its standard error: then the truth is no worse than that, and nobody knows by how much it is better.
+    pub is_bound: bool,
+}
+
+impl Told {
+    /// With one digit behind the point.
+    pub fn words(self) -> String {
+        format!("{}{:.1}", if self.is_bound { "≥ " } else { "" }, self.db)
+    }
+}
+
+/// The error of a picture beside two whose noise is their own, given the entries of all three: the mean of (x − a)(x − b)
 /// below the square of the 99.5 percentile of a and b, told as no less than its standard error. `None` of no entries.
-pub fn beside_two(entries: impl Iterator<Item = [f64; 3]>) -> Option<f64> {
+pub fn told_beside_two(entries: impl Iterator<Item = [f64; 3]>) -> Option<Told> {
     let (mut both, mut sum) = (Vec::new(), Sum::default());
     for [x, a, b] in entries {
         both.push(0.5 * (a + b));
         sum.add((x - a) * (x - b));
     }
-    (!both.is_empty()).then(|| decibels(quantile(both), sum.mean_at_least_known()))
+    let told = || Told { db: decibels(quantile(both), sum.mean_at_least_known()), is_bound: sum.is_noise() };
+    (sum.n > 0.0).then(told)
+}
+
+/// The dB of [`told_beside_two`].
+pub fn beside_two(entries: impl Iterator<Item = [f64; 3]>) -> Option<f64> {
+    told_beside_two(entries).map(|told| told.db)
+}
+
+/// [`told_beside_two`] of the pixels of pictures that are not left out.
+pub fn pixels_beside_two(x: &Radiance, [a, b]: [&Radiance; 2], is_left_out: &[bool]) -> Option<Told> {
+    let pixels = (0..x.pixels.len()).filter(|&nth| !is_left_out[nth]);
+    let entry = |(nth, channel): (usize, usize)| [x, a, b].map(|picture| f64::from(picture.pixels[nth][channel]));
+    told_beside_two(pixels.flat_map(|nth| (0..3).map(move |channel| (nth, channel))).map(entry))
 }
 
 /// [`beside_two`] of all entries of pictures.
@@ -89,6 +127,8 @@ pub fn psnr_db(x: &Radiance, [a, b]: [&Radiance; 2]) -> f64 {
 pub struct ColumnErrors {
     /// Without and with the entries where the light itself is seen.
     pub squares: Vec<[f64; 2]>,
+    /// Of each, whether the first is its standard error.
+    pub are_bounds: Vec<bool>,
 }
 
 impl ColumnErrors {
@@ -116,6 +156,16 @@ impl ColumnErrors {
         self.db(1).sum::<f64>() / self.squares.len().max(1) as f64
     }
 
+    /// Median over columns and the worst of them, each a bound where it is that of a column that is one; `None` of none.
+    pub fn median_and_worst(&self) -> Option<[Told; 2]> {
+        let mut order: Vec<usize> = (0..self.squares.len()).collect();
+        order.sort_by(|&i, &j| self.squares[i][0].total_cmp(&self.squares[j][0]));
+        let (worst, n) = (*order.last()?, order.len());
+        let is_bound = [order[(n - 1) / 2], order[n / 2]].iter().any(|&column| self.are_bounds[column]);
+        let median = Told { db: self.median_db()?, is_bound };
+        Some([median, Told { db: self.worst_db(), is_bound: self.are_bounds[worst] }])
+    }
+
     /// Of the worst column, lights that are seen included.
     pub fn worst_db_with_seen(&self) -> f64 {
         self.db(1).fold(f64::INFINITY, f64::min)
@@ -137,6 +187,38 @@ mod tests {
         // Scattered around less than nothing: 2 over the root of 16.
         let scattered: Vec<f64> = (0..16).map(|i| if i % 2 == 0 { 1.0 } else { -3.0 }).collect();
         assert_eq!(mean(&scattered), (-1.0, 0.5));
+    }
+
+    #[test]
+    fn pixels_left_out_do_not_count_and_a_standard_error_is_marked() {
+        // Each tenth pixel shows a lamp.
+        let is_lamp: Vec<bool> = (0..100).map(|nth| nth % 10 == 0).collect();
+        let picture = |of: fn(usize) -> f32| Radiance {
+            width: 100,
+            height: 1,
+            pixels: (0..100).map(|nth| [if nth % 10 == 0 { 1000.0 } else { of(nth) }; 3]).collect(),
+        };
+        let (truth, off) = (picture(|_| 1.0), picture(|_| 1.1));
+        let told = pixels_beside_two(&off, [&truth, &truth], &is_lamp).expect("pixels");
+        assert_eq!(told.words(), "20.0");
+        let a = picture(|nth| if nth % 2 == 0 { 1.1 } else { 0.9 });
+        let b = picture(|nth| if nth % 4 < 2 { 1.1 } else { 0.9 });
+        let told = pixels_beside_two(&truth, [&a, &b], &is_lamp).expect("pixels");
+        assert!(told.is_bound && told.words().starts_with("≥ "), "{told:?}");
+        assert_eq!(pixels_beside_two(&truth, [&a, &b], &[true; 100]), None);
+    }
+
+    #[test]
+    fn the_median_and_the_worst_column_are_bounds_where_theirs_are() {
+        let squares = [1e-4, 1e-2, 1e-3].map(|square| [square; 2]).to_vec();
+        let of = |are_bounds: [bool; 3]| {
+            let errors = ColumnErrors { squares: squares.clone(), are_bounds: are_bounds.to_vec() };
+            errors.median_and_worst().expect("columns").map(Told::words)
+        };
+        assert_eq!(of([true, false, false]), ["30.0", "20.0"]);
+        assert_eq!(of([false, true, false]), ["30.0", "≥ 20.0"]);
+        assert_eq!(of([false, false, true]), ["≥ 30.0", "20.0"]);
+        assert!(ColumnErrors::default().median_and_worst().is_none());
     }
 
     #[test]

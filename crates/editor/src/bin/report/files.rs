@@ -5,6 +5,7 @@ use std::process::Command;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
+use clerestory_transport::bake::BakeConfig;
 
 use super::desk::{Desk, clerestory, number, program};
 
@@ -50,9 +51,10 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## From a file to a picture\n\n\
          `clerestory relight FILE.transport -o PICTURE` at {} pixels on the CPU, a process of its own for each, from its start to its end: median of\n\
-         {TRIES}, and least to most. Bakes of at most {spp} samples. {}\n\n\
+         {TRIES}, and least to most. Bakes of at most {spp} samples, of seed {}. {}\n\n\
          | scene | transport | columns | picture | time | spread | size of the picture |\n|---|---|---|---|---|---|---|\n{rows}",
         size.replace('x', " × "),
+        BakeConfig::default().seed,
         desk.load_words(),
     ))
 }

@@ -77,6 +77,15 @@ pub fn hundredths(values: Vec<f64>) -> String {
     spread_told(values, |value| format!("{value:.2}"))
 }
 
+/// The same of CPU seconds, which are counted in hundredths.
+pub fn cpu_words(values: Vec<f64>) -> String {
+    spread_told(values, |secs| match secs {
+        secs if secs < 0.005 => "< 0.01".into(),
+        secs if secs < 1.0 => format!("{secs:.2}"),
+        secs => digits(secs),
+    })
+}
+
 fn spread_told(values: Vec<f64>, tell: fn(f64) -> String) -> String {
     let n = values.len();
     let [least, median, greatest] = spread(&values).map(tell);
@@ -108,6 +117,7 @@ mod tests {
     fn repeats_are_told_by_their_middle_and_ends() {
         assert_eq!(spread_words(vec![3.0, 1.0, 2.0]), "2.0 (1.0…3.0)");
         assert_eq!(spread_words(vec![0.125]), "0.12");
+        assert_eq!([vec![0.0, 0.06, 0.07], vec![21.3]].map(cpu_words), ["0.06 (< 0.01…0.07)", "21"]);
         assert_eq!(
             [0.0, 0.0042, 0.081, 0.25, 1.25, 12.5].map(digits),
             ["0.00", "0.0042", "0.081", "0.25", "1.2", "12"]

@@ -17,7 +17,7 @@ use clerestory_transport::prepared::PreparedScene;
 use serde::{Deserialize, Serialize};
 
 use super::desk::Desk;
-use super::fit::{exponent, median, spread_words};
+use super::fit::{cpu_words, exponent, median};
 use super::matrix::process_cpu_secs;
 use super::plot::{Axis, Panel, Scale, Series};
 
@@ -50,6 +50,10 @@ struct Cost {
 /// Times that a bake is measured, as long as all of them together took no more than so many seconds before.
 const TURNS: usize = 3;
 const PATIENCE_SECS: f64 = 30.0;
+/// CPU seconds from which on a point is fitted: they are counted in hundredths.
+const LEAST_SECS: f64 = 0.05;
+/// Fewer points tell of no power law.
+const LEAST_POINTS: usize = 3;
 
 /// Something that grows: its name, its values, and how it changes the bench.
 type Growth = (&'static str, &'static [u32], fn(&mut Bench, u32) -> f64);
@@ -120,7 +124,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          A generated hall of {} triangles under a panel of 8 × 8 texels, {} × {} pixels, {} samples of each, indirect light traced, roulette alone ends\n\
          paths; then one thing after the other grows (with the pixels, 16 columns and 2 samples). CPU seconds of preparing the scene (hierarchy, lights) and\n\
          of the bake, each in a process of its own, median (least…greatest) of {TURNS} where they took no more than {PATIENCE_SECS} s together, else once; memory is the most that it had beyond the prepared scene; bytes are those of the file, the error is what the bake tells of itself (truncation and sampling): where it grows, what is kept of noise shrinks, and with it the file. The exponent e of the\n\
-         power law y ∝ xᵉ is fitted by least squares of the logarithms. Seed 1. {}\n",
+         power law y ∝ xᵉ is fitted by least squares of the logarithms to so many points: left out are no bounces at all, and CPU seconds below {LEAST_SECS}, as they are counted in hundredths. Seed 1. {}\n",
         bench.triangles,
         size[0],
         size[1],
@@ -183,24 +187,33 @@ fn table_rows(what: &str, costs: &[Cost]) -> String {
         format!(
             "| {what} | {:.0} | {} | {} | {memory} | {:.1} | {:.1} |\n",
             cost.at,
-            spread_words(cost.prepare_secs.clone()),
-            spread_words(cost.bake_secs.clone()),
+            cpu_words(cost.prepare_secs.clone()),
+            cpu_words(cost.bake_secs.clone()),
             cost.file_bytes / 1e3,
             cost.error_db,
         )
     };
-    let fitted = |of: &dyn Fn(&Cost) -> f64| {
-        let points: Vec<[f64; 2]> = costs.iter().map(|cost| [cost.at, of(cost)]).collect();
-        exponent(&points).map_or("—".into(), |e| format!("{e:.2}"))
-    };
+    let fitted =
+        |of: &dyn Fn(&Cost) -> Option<f64>| exponent_words(costs.iter().filter_map(|cost| Some([cost.at, of(cost)?])));
     let rows: String = costs.iter().map(row).collect();
     rows + &format!(
         "| **{what}, exponent** | | {} | {} | {} | {} | |\n",
-        fitted(&|cost| middle(&cost.prepare_secs)),
-        fitted(&|cost| middle(&cost.bake_secs)),
-        fitted(&|cost| cost.peak_bytes.unwrap_or(0.0)),
-        fitted(&|cost| cost.file_bytes),
+        fitted(&|cost| median(&cost.prepare_secs).filter(|secs| *secs >= LEAST_SECS)),
+        fitted(&|cost| median(&cost.bake_secs).filter(|secs| *secs >= LEAST_SECS)),
+        fitted(&|cost| cost.peak_bytes),
+        fitted(&|cost| Some(cost.file_bytes)),
     )
+}
+
+/// The exponent of the points (x, y) above zero, and how many they are.
+fn exponent_words(points: impl Iterator<Item = [f64; 2]>) -> String {
+    let points: Vec<[f64; 2]> = points.filter(|[x, y]| *x > 0.0 && *y > 0.0).collect();
+    let words = |e: f64| {
+        // What is next to nothing has no sign.
+        let e = if e.abs() < 0.005 { 0.0 } else { e };
+        format!("{e:.2} ({} points)", points.len())
+    };
+    exponent(&points).filter(|_| points.len() >= LEAST_POINTS).map_or("—".into(), words)
 }
 
 fn panel(what: &'static str, costs: &[Cost]) -> Panel {
@@ -224,4 +237,17 @@ fn panel(what: &'static str, costs: &[Cost]) -> Panel {
 /// None is a number of no repeats.
 fn middle(secs: &[f64]) -> f64 {
     median(secs).unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_exponent_says_of_how_many_points_it_is_and_two_have_none() {
+        let points = [[0.0, 5.0], [1.0, 2.0], [2.0, 4.0], [4.0, 8.0]];
+        assert_eq!(exponent_words(points.into_iter()), "1.00 (3 points)");
+        assert_eq!(exponent_words(points[..3].iter().copied()), "—");
+        assert_eq!(exponent_words([[1.0, 1.0], [2.0, 0.999], [4.0, 0.999]].into_iter()), "0.00 (3 points)");
+    }
 }

@@ -23,6 +23,7 @@ use clerestory_transport::scene::{PunctualLight, Scene};
 use self::painter::Painter;
 use self::window::Window;
 use super::desk::Desk;
+use super::lamps::tables::Goal;
 
 /// Lamps beside the panel.
 const LAMPS: usize = 20;
@@ -30,6 +31,11 @@ const LAMPS: usize = 20;
 const TEXELS: u32 = 32;
 /// Largest rank of a block; they are spread evenly.
 const RANK: u32 = 9;
+/// Most milliseconds that are asked for at a size: from an event to its picture, relit by so many cores at most; and of the window's
+/// thread where a device of hardware relights.
+const ASKED: (Film, f64) = (Film { width: 1024, height: 768 }, 33.0);
+const ASKED_CORES: usize = 2;
+const ASKED_OF_DEVICE: (Film, f64) = (Film { width: 1920, height: 1080 }, 4.0);
 /// Events of one drag.
 const EVENTS: [usize; 2] = [60, 400];
 /// The same where a device relights, which takes much longer where it is none of hardware.
@@ -46,13 +52,20 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## Latency\n\n\
          One slider dragged, each event sent when the picture of the one before is there: {n_events} events on the CPU, {n_device_events} on a graphics device. {LAMPS} lamps and a\n\
-         panel of {TEXELS} × {TEXELS} texels, blocks of rank 0 to {RANK} with random factors from a fixed seed, so that every block moves and none is left out for being unseen. Milliseconds on {} threads.\n\
+         panel of {TEXELS} × {TEXELS} texels, blocks of rank 0 to {RANK} with random factors of seed {}, so that every block moves and none is left out for being unseen. Milliseconds on {} threads.\n\
          On the CPU from the event to the end of the frame that draws its picture, triangles of the interface made. On a device from the event until the\n\
          device has all commands of that frame, those of relighting and those that draw the window of 1440 × 900, into a picture instead of a screen. A driver without hardware\n\
          computes on the cores that we need, and in the call that hands it commands: OpenGL in the first, Vulkan in that of the window's picture, which waits until relighting is done.\n\
          The CPU time of the window's thread leaves out such waits, and what a driver computes on other threads.\n\
-         Asked for: 33 ms at 1024 × 768 on two cores, and 4 ms of our own CPU time at 1920 × 1080 with a graphics device. {}\n\n{table}",
+         Asked for: {} ms at {} × {} on {ASKED_CORES} cores, and {} ms of our own CPU time at {} × {} with a graphics device of hardware. {}\n\n{table}",
+        Recipe::default().seed,
         rayon::current_num_threads(),
+        ASKED.1,
+        ASKED.0.width,
+        ASKED.0.height,
+        ASKED_OF_DEVICE.1,
+        ASKED_OF_DEVICE.0.width,
+        ASKED_OF_DEVICE.0.height,
         desk.load_words(),
     ))
 }
@@ -70,8 +83,9 @@ pub fn table(desk: &Desk, choice: DeviceChoice) -> Result<String> {
         let path = PathBuf::from(desk.file("latency.transport"));
         archive::write(&bake, &path)?;
         let drag = Window::open(&path, None)?.drag(desk.choose(EVENTS[0], EVENTS[1]))?;
-        rows += &format!("| {size} | event to picture, relit on the CPU | {} |\n", quantiles(drag.whole));
-        rows += &format!("| {size} | of that, drawing one frame of the window | {} |\n", quantiles(drag.frames));
+        let asked_ms = (film == ASKED.0 && rayon::current_num_threads() <= ASKED_CORES).then_some(ASKED.1);
+        rows += &format!("| {size} | event to picture, relit on the CPU | {} |\n", quantiles(drag.whole, asked_ms));
+        rows += &format!("| {size} | of that, drawing one frame of the window | {} |\n", quantiles(drag.frames, None));
         for painter in Painter::all(choice) {
             desk.say(&format!("the same on {}", painter.name()));
             rows += &on_device(painter, &size, &path, &bake, desk.choose(DEVICE_EVENTS[0], DEVICE_EVENTS[1]))?;
@@ -84,13 +98,15 @@ pub fn table(desk: &Desk, choice: DeviceChoice) -> Result<String> {
 fn on_device(painter: Painter, size: &str, path: &Path, bake: &Bake, n_events: usize) -> Result<String> {
     let (name, gpu) = (painter.name(), painter.gpu());
     let drag = Window::open(path, Some(painter))?.drag(n_events)?;
-    let work = if drag.work.is_empty() { "unknown |".into() } else { quantiles(drag.work) };
-    let alone = quantiles(submissions(&gpu, bake, n_events)?);
+    let film = Film { width: bake.header.width, height: bake.header.height };
+    let asked_ms = (film == ASKED_OF_DEVICE.0 && !gpu.is_software()).then_some(ASKED_OF_DEVICE.1);
+    let work = if drag.work.is_empty() { "unknown |".into() } else { quantiles(drag.work, asked_ms) };
+    let alone = quantiles(submissions(&gpu, bake, n_events)?, None);
     Ok(format!(
         "| {size} | event to submission, relit on {name} | {} |\n\
          | {size} | of that, CPU time of the window's thread | {work} |\n\
          | {size} | relighting alone, handed over | {alone} |\n",
-        quantiles(drag.whole),
+        quantiles(drag.whole, None),
     ))
 }
 
@@ -156,9 +172,25 @@ fn submissions(gpu: &Gpu, bake: &Bake, n_events: usize) -> Result<Vec<f64>> {
     Ok(secs)
 }
 
-/// Median and 99th percentile in milliseconds, as two cells.
-fn quantiles(mut secs: Vec<f64>) -> String {
+/// Median and 99th percentile in milliseconds, as two cells; each says whether it is what is asked for at most.
+fn quantiles(mut secs: Vec<f64>, asked_ms: Option<f64>) -> String {
     secs.sort_by(f64::total_cmp);
-    let at = |share: f64| 1e3 * secs[((secs.len() - 1) as f64 * share).round() as usize];
-    format!("{:.1} | {:.1}", at(0.5), at(0.99))
+    let cell = |share: f64| {
+        let ms = 1e3 * secs[((secs.len() - 1) as f64 * share).round() as usize];
+        let word = asked_ms.map_or(String::new(), |most| format!(", {}", Goal::Most(most).word(ms)));
+        format!("{ms:.1}{word}")
+    };
+    format!("{} | {}", cell(0.5), cell(0.99))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_and_the_slowest_each_say_whether_they_are_what_is_asked_for() {
+        let secs: Vec<f64> = (1..=100).map(|ms| 1e-3 * f64::from(ms)).collect();
+        assert_eq!(quantiles(secs.clone(), Some(60.0)), "51.0, kept | 99.0, missed");
+        assert_eq!(quantiles(secs, None), "51.0 | 99.0");
+    }
 }

@@ -9,7 +9,7 @@ pub enum Scale {
     Linear,
     /// Alike steps for alike ratios; only what is above zero is drawn.
     Log,
-    /// One place after the other, without numbers.
+    /// One place after the other, without numbers; up, each series has its name beside it.
     Order,
 }
 
@@ -172,6 +172,11 @@ fn drawn(panel: &Panel, [left, top]: [f64; 2], names: &[&str]) -> String {
             );
         }
         points.iter().for_each(|point| svg += &mark(nth, *point));
+        if panel.y.scale == Scale::Order
+            && let Some([_, y]) = points.first()
+        {
+            svg += &text([left + 4.0, y - 4.0], "start", 9.0, &series.name);
+        }
     }
     svg
 }
@@ -250,5 +255,7 @@ mod tests {
         assert_eq!(svg.matches(">theirs</text>").count(), 1);
         assert_eq!(svg.matches(&format!("stroke=\"{}\"", COLORS[1])).count(), 2, "the line of `theirs` in both panels");
         assert!(svg.contains("a &lt; b") && svg.contains("s &amp; dB"));
+        let in_order = Panel { y: Axis { label: "", scale: Scale::Order }, ..panel(&["ours"]) };
+        assert_eq!(figure(&[in_order]).matches(">ours</text>").count(), 2, "in the legend and beside the line");
     }
 }

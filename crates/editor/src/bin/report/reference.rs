@@ -13,12 +13,14 @@ use clerestory_transport::skips::Skips;
 use rayon::prelude::*;
 
 use super::desk::Desk;
-use super::errors::{ColumnErrors, Sum, beside_two, quantile};
+use super::errors::{ColumnErrors, Sum, Told, quantile, told_beside_two};
 use super::kept::checksum;
 use super::methods::dense::TILE;
 
 /// Samples of each pixel around one that is compared: whether a light is seen there.
 const NEAR_SAMPLES: u32 = 4;
+/// The same of each pixel of a whole picture.
+const LOOKS: u32 = 8;
 /// Of the references, which no bake has.
 const SEED: u64 = 0x5EED;
 /// To be raised when the same file, settings and seed give other numbers: when another scene is read from the file, when rays,
@@ -143,9 +145,12 @@ impl Reference {
                     sums[0].add(error);
                 }
             }
-            (peak > 0.0).then(|| sums.map(|sum| sum.mean_at_least_known() / (peak * peak)))
+            let squares = sums.map(|sum| sum.mean_at_least_known() / (peak * peak));
+            (peak > 0.0).then_some((squares, sums[0].is_noise()))
         };
-        ColumnErrors { squares: (0..self.n_cols).into_par_iter().filter_map(column).collect() }
+        let columns: Vec<([f64; 2], bool)> = (0..self.n_cols).into_par_iter().filter_map(column).collect();
+        let (squares, are_bounds) = columns.into_iter().unzip();
+        ColumnErrors { squares, are_bounds }
     }
 
     /// The picture that rows make under a coefficient per column and channel, as far as it is compared.
@@ -156,14 +161,19 @@ impl Reference {
         rows.par_chunks_exact(self.n_cols).enumerate().map(row).collect()
     }
 
-    /// The error in dB of a picture under a light, what it has of the compared pixels; pixels that show a light that is lit, or lie
-    /// beside one, are left out. As [`beside_two`] tells it.
-    pub fn picture_db(&self, light: &[[f32; 3]], picture: &[f32]) -> Option<f64> {
+    /// The error of a picture under a light, what it has of the compared pixels; pixels that show a light that is lit, or lie
+    /// beside one, are left out. As [`told_beside_two`] tells it.
+    pub fn picture_told(&self, light: &[[f32; 3]], picture: &[f32]) -> Option<Told> {
         let [a, b] = self.halves.each_ref().map(|half| self.relit(half, light));
         let lit: Vec<usize> = (0..self.n_cols).filter(|&column| light[column] != [0.0; 3]).collect();
         let is_left_out = |row: usize| lit.iter().any(|&column| self.is_seen(row, column));
         let rows = (0..self.n_rows()).filter(|&row| !is_left_out(row));
-        beside_two(rows.map(|row| [picture[row], a[row], b[row]].map(f64::from)))
+        told_beside_two(rows.map(|row| [picture[row], a[row], b[row]].map(f64::from)))
+    }
+
+    /// The same in dB alone.
+    pub fn picture_db(&self, light: &[[f32; 3]], picture: &[f32]) -> Option<f64> {
+        self.picture_told(light, picture).map(|told| told.db)
     }
 }
 
@@ -216,6 +226,29 @@ fn sampled(scene: &PreparedScene, sampling: Sampling, pixels: &[u32]) -> Vec<f32
     seen.par_chunks_mut(n_cols).enumerate().for_each(near);
     values.extend(seen);
     values
+}
+
+/// Which pixels of a picture show a light that is lit, straight or by mirrors and glass, or lie beside one that does, as far as a few
+/// samples of each find it; a coefficient per column.
+pub fn near_seen_light(scene: &PreparedScene, film: Film, light: &[[f32; 3]]) -> Vec<bool> {
+    let plan = plainest_plan(scene, Sampling { film, step: 1, bounces: None, spp: LOOKS }, SEED);
+    let matrix = TransportMatrix::new(scene, &plan, scene.scene.cameras[0].clone(), film, None, SEED);
+    let partition = Partition { width: film.width, height: film.height, tile: TILE as u32 };
+    let of_block = |block_idx: usize| {
+        let (mut bundles, mut sparse) = (Vec::new(), Vec::new());
+        partition.bundles(block_idx, &mut bundles);
+        let mut rows = vec![0.0; bundles.len() * CHANNELS * matrix.n_cols()];
+        matrix.add_rows(&bundles, 0..LOOKS, Half::A, &mut rows, &mut sparse);
+        sparse.retain(|entry| light[entry.col as usize] != [0.0; 3]);
+        sparse.into_iter().map(|entry| bundles[entry.row as usize / CHANNELS]).collect::<Vec<u32>>()
+    };
+    let seen: Vec<u32> = (0..partition.n_blocks()).into_par_iter().flat_map_iter(of_block).collect();
+    let mut near = vec![false; film.n_pixels()];
+    for pixel in seen {
+        near[pixel as usize] = true;
+        around(film, pixel).for_each(|beside| near[beside as usize] = true);
+    }
+    near
 }
 
 /// A plan for walks of which nothing is skipped; how bright the columns are, by which walks are guided, is measured.
@@ -304,6 +337,7 @@ fn around(film: Film, pixel: u32) -> impl Iterator<Item = u32> {
 
 #[cfg(test)]
 mod tests {
+    use clerestory_transport::camera::Camera;
     use clerestory_transport::emitters::SkyRequest;
     use clerestory_transport::scene::Scene;
     use clerestory_transport::sky::{Environment, SkyForm, SkyLight};
@@ -359,6 +393,18 @@ mod tests {
         assert_eq!(every(film, 1).len(), film.n_pixels());
         assert_eq!(around(film, 0).collect::<Vec<_>>(), [1, 8, 9]);
         assert_eq!(around(film, 9).count(), 8);
+    }
+
+    #[test]
+    fn pixels_that_see_the_sky_and_those_beside_them_are_left_out_while_it_is_lit() {
+        let camera = Camera::look_at("all sky", Vec3::ZERO, Vec3::NEG_Z, 1.0, 2.0);
+        let light = SkyLight::new("uniform", Environment::from_fn(16, 8, |_| Vec3::ONE));
+        let sky = SkyRequest { light, form: SkyForm::Patches(1) };
+        let scene = Scene { cameras: vec![camera], ..Scene::default() };
+        let scene = PreparedScene::with_sky(scene, &[], Some(&sky)).unwrap().0;
+        let (film, n_cols) = (Film { width: 8, height: 4 }, scene.lighting.basis.n_cols());
+        assert_eq!(near_seen_light(&scene, film, &vec![[1.0; 3]; n_cols]), [true; 32]);
+        assert_eq!(near_seen_light(&scene, film, &vec![[0.0; 3]; n_cols]), [false; 32]);
     }
 
     #[test]

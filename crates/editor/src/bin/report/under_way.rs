@@ -8,12 +8,24 @@ use anyhow::{Context, Result};
 use clerestory_nystrom::BlockLowRank;
 use clerestory_transport::bake::{BakeEvent, BakeHeader, BakeJob};
 
+/// What a bake had when a pass of it was over.
+pub struct Pass {
+    /// When that was.
+    pub ended: Instant,
+    /// Error that it told, dB.
+    pub told_db: f32,
+    /// One matrix per group of columns.
+    pub groups: Vec<BlockLowRank>,
+}
+
 /// What a bake has when it is left.
 pub struct UnderWay {
     /// What it is of.
     pub header: Arc<BakeHeader>,
     /// One matrix per group of columns, of the latest pass that reached each block.
     pub groups: Vec<BlockLowRank>,
+    /// Passes that came to their end, the preview first.
+    pub passes: Vec<Pass>,
     /// When it was left, or was done.
     pub ended: Instant,
 }
@@ -23,7 +35,7 @@ pub struct UnderWay {
 /// # Errors
 /// If the bake fails.
 pub fn run_until(job: BakeJob, mut is_enough: impl FnMut(&BakeEvent) -> bool + Send) -> Result<UnderWay> {
-    let (mut header, mut groups, mut ended) = (None, Vec::new(), None);
+    let (mut header, mut groups, mut passes, mut ended) = (None, Vec::new(), Vec::new(), None);
     let bake = job.run(|event| {
         let is_enough = is_enough(&event);
         match event {
@@ -39,6 +51,9 @@ pub fn run_until(job: BakeJob, mut is_enough: impl FnMut(&BakeEvent) -> bool + S
                     groups.iter_mut().zip(factors).for_each(|(group, block)| group.blocks[block_idx] = Some(block));
                 }
             }
+            BakeEvent::PassDone { error_db, .. } => {
+                passes.push(Pass { ended: Instant::now(), told_db: error_db.total, groups: groups.clone() });
+            }
             _ => {}
         }
         if is_enough {
@@ -51,7 +66,7 @@ pub fn run_until(job: BakeJob, mut is_enough: impl FnMut(&BakeEvent) -> bool + S
         (header, groups) = (Some(bake.header), bake.groups);
     }
     let header = header.context("a bake that began has a header")?;
-    Ok(UnderWay { header, groups, ended: ended.unwrap_or_else(Instant::now) })
+    Ok(UnderWay { header, groups, passes, ended: ended.unwrap_or_else(Instant::now) })
 }
 
 /// Whether an event says that a pass has ended.

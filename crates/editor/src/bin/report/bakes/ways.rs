@@ -11,6 +11,7 @@ use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 
 use crate::desk::Desk;
+use crate::errors::Told;
 use crate::fit::digits;
 use crate::matrix::baked;
 use crate::reference::{Reference, Sampling};
@@ -36,7 +37,8 @@ pub fn write(desk: &Desk) -> Result<String> {
         "\n### Shared beside traced\n\n\
          Every scene, {} × {} pixels, {SPP} samples per pixel, indirect light shared between pixels and denoised, or traced as `--no-denoise` does; a scene without light under the even sky that it is given, one column.\n\
          CPU seconds (user and system) of the bake alone. Errors in dB as in the section Matrix, beside two references of {} samples per pixel each: of single lights, median over columns and the worst of them;\n\
-         of all lights of the file. Each row is one bake of each kind, of seed {SEED}.\n\n\
+         of all lights of the file. Where the standard error is greater than the error, it is what is told, after \"≥\": of the median where that holds of the column in the middle.\n\
+         Each row is one bake of each kind, of seed {SEED}.\n\n\
          | scene | columns | shared, CPU s | median | worst | all lights | traced, CPU s | median | worst | all lights |\n\
          |---|---|---|---|---|---|---|---|---|---|\n{rows}",
         film.width, film.height, sampling.spp,
@@ -71,10 +73,10 @@ fn row(desk: &Desk, name: &str, path: &Path, sampling: Sampling) -> Result<Strin
         let config = BakeConfig { spp, tolerance_db, seed, indirect, denoise, ..BakeConfig::default() };
         let (secs, bake) = baked(&scene, sampling.film, config)?;
         let rows = reference.rows_of(&bake.header, &bake.groups);
-        let (single, all) = (reference.errors(&rows), reference.picture_db(&light, &reference.relit(&rows, &light)));
-        let told = |db: Option<f64>| db.map_or("—".into(), |db| format!("{db:.1}"));
-        let worst = single.median_db().map(|_| single.worst_db());
-        row += &format!(" {} | {} | {} | {} |", digits(secs), told(single.median_db()), told(worst), told(all));
+        let (single, all) = (reference.errors(&rows), reference.picture_told(&light, &reference.relit(&rows, &light)));
+        let told = |told: Option<Told>| told.map_or("—".into(), Told::words);
+        let [median, worst] = single.median_and_worst().map_or([None; 2], |both| both.map(Some));
+        row += &format!(" {} | {} | {} | {} |", digits(secs), told(median), told(worst), told(all));
     }
     Ok(row + "\n")
 }

@@ -10,8 +10,8 @@ use clerestory_relight::{DisplayParams, Gpu, GpuRelighter, Precision, Relight, R
 
 use super::super::desk::Desk;
 use super::{
-    DEVICE_PROBE_BYTES, DEVICE_RADIANCE_BYTES, IN_A_ROW, Job, SHOWN_BYTES, SOFTWARE_PIXELS, TURNS, coefficients, name,
-    recipe,
+    DEVICE_PROBE_BYTES, DEVICE_RADIANCE_BYTES, Ends, IN_A_ROW, Job, SHOWN_BYTES, SOFTWARE_PIXELS, TURNS, coefficients,
+    name, recipe,
 };
 
 /// What devices of hardware do besides: beside so much the time between stages matters little.
@@ -20,7 +20,7 @@ const LARGE: [Job; 2] = [[3840, 2160, 1024, 8, 2], [3840, 2160, 1024, 16, 2]];
 /// How long a device is kept busy before it is measured: at rest it lowers its clocks.
 const WARMING: Duration = Duration::from_millis(300);
 
-/// Best of what one job did.
+/// What one job did.
 struct Row {
     job: Job,
     cases: [Case; 2],
@@ -33,10 +33,12 @@ struct Case {
     n_bytes: u64,
     /// What the device noted of the picture that took it the least.
     clock: Option<StageSecs>,
+    /// Seconds that it noted of all pictures.
+    whole: Ends,
     /// Seconds of one picture that is waited for.
-    waited_for: f64,
+    waited_for: Ends,
     /// Seconds of a picture of those in a row.
-    in_a_row: f64,
+    in_a_row: Ends,
 }
 
 /// All jobs that the device is fast enough for.
@@ -74,7 +76,8 @@ fn measured(gpu: &Gpu, probe: &CopyProbe, job: Job) -> Result<Row, RelightError>
     relighter.relight_to_texture(&recipe.coefficients(1000), &display)?;
     warm_up(gpu, &mut relighter, &recipe)?;
     let n_written = u64::from(job[0]) * u64::from(job[1]) * (2 * DEVICE_RADIANCE_BYTES + SHOWN_BYTES);
-    let case = Case { n_bytes: 0, clock: None, waited_for: f64::INFINITY, in_a_row: f64::INFINITY };
+    let none = Ends::OF_NONE;
+    let case = Case { n_bytes: 0, clock: None, whole: none, waited_for: none, in_a_row: none };
     let mut row = Row { job, cases: [case; 2], copies: CopyRates { from_outside: 0.0, within: None } };
     let n_in_a_row = IN_A_ROW[usize::from(gpu.is_software())];
     for turn in 0..TURNS {
@@ -87,7 +90,7 @@ fn measured(gpu: &Gpu, probe: &CopyProbe, job: Job) -> Result<Row, RelightError>
             let start = Instant::now();
             relighter.relight_to_texture(&drag[1], &display)?;
             gpu.wait()?;
-            case.waited_for = case.waited_for.min(start.elapsed().as_secs_f64());
+            case.waited_for.take(start.elapsed().as_secs_f64());
             case.n_bytes = relighter.stats().n_bytes + n_written;
             case.take(relighter.stage_secs()?);
             relighter.stop_clock();
@@ -96,7 +99,7 @@ fn measured(gpu: &Gpu, probe: &CopyProbe, job: Job) -> Result<Row, RelightError>
                 relighter.relight_to_texture(x, &display)?;
             }
             gpu.wait()?;
-            case.in_a_row = case.in_a_row.min(start.elapsed().as_secs_f64() / n_in_a_row as f64);
+            case.in_a_row.take(start.elapsed().as_secs_f64() / n_in_a_row as f64);
         }
         let rates = probe.rates()?;
         row.copies.from_outside = row.copies.from_outside.max(rates.from_outside);
@@ -122,7 +125,9 @@ fn warm_up(gpu: &Gpu, relighter: &mut GpuRelighter, recipe: &Recipe) -> Result<(
 impl Case {
     /// Keeps the picture that took the device the least.
     fn take(&mut self, clock: Option<StageSecs>) {
-        if let Some(clock) = clock.filter(|clock| self.clock.is_none_or(|best| clock.whole < best.whole)) {
+        let Some(clock) = clock else { return };
+        self.whole.take(clock.whole);
+        if self.clock.is_none_or(|best| clock.whole < best.whole) {
             self.clock = Some(clock);
         }
     }
@@ -133,22 +138,22 @@ impl Row {
         let line = |(case, what): (&Case, &str)| {
             let n_bytes = case.n_bytes as f64;
             let inside = case.clock.zip(self.copies.within).map_or("| | | | | | ".into(), |(clock, rate)| {
-                let [whole, project, expand, display] =
-                    [clock.whole, clock.project, clock.expand, clock.display].map(|secs| 1e3 * secs);
+                let [project, expand, display] = [clock.project, clock.expand, clock.display].map(|secs| 1e3 * secs);
                 format!(
-                    "| {whole:.2} | {project:.2} | {expand:.2} | {display:.2} | {:.1} | {:.0} % ",
+                    "| {} | {project:.2} | {expand:.2} | {display:.2} | {:.1} | {:.0} % ",
+                    case.whole.words(),
                     rate / 1e9,
                     100.0 * n_bytes / clock.whole / rate
                 )
             });
             format!(
-                "| {} | {what} | {:.1} {inside}| {:.2} | {:.2} | {:.1} | {:.0} % |\n",
+                "| {} | {what} | {:.1} {inside}| {} | {} | {:.1} | {:.0} % |\n",
                 name(self.job),
                 n_bytes / 1e6,
-                1e3 * case.waited_for,
-                1e3 * case.in_a_row,
+                case.waited_for.words(),
+                case.in_a_row.words(),
                 self.copies.from_outside / 1e9,
-                100.0 * n_bytes / case.in_a_row / self.copies.from_outside,
+                100.0 * n_bytes / case.in_a_row.least() / self.copies.from_outside,
             )
         };
         self.cases.iter().zip(["all", "one light"]).map(line).collect()
