@@ -115,9 +115,9 @@ pub fn write(desk: &Desk) -> Result<String> {
             let points = runs::measure(desk, &subject, &scene)?;
             Ok(Measured { n_cols: scene.lighting.basis.n_cols(), points })
         })?;
-        let curve = measured.curve(Way::Fast, 0);
+        let curves = [Way::Fast, Way::Exact].map(|way| measured.curve(way, 0));
         measured.points.extend(desk.part::<Vec<Point>>("time", &format!("{}, further", subject.name), || {
-            runs::further(desk, &subject, &curve)
+            runs::further(desk, &subject, curves.each_ref().map(Vec::as_slice))
         })?);
         scenes.push((subject, measured));
     }
@@ -128,7 +128,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
          references of {} samples per pixel each that are kept between runs, below the square of the reference's 99.5 percentile, told as no less than its standard error; nothing is\n\
          clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the median over all\n\
-         columns, each below its own peak. Shared light is denoised by what its pixels show; traced light is not, as with `--no-denoise`, nor is anything else. Spots: three of them on the first panel, one after the other, and the mean of their dB; a render of one look is that of the first of them. A render of one single light is one of a render per light. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
+         columns, each below its own peak. Shared light is denoised by what its pixels show; traced light is not, as with `--no-denoise`, nor is anything else. Spots: three of them on the first panel, one after the other, and the mean of their dB and, of a render of one look, of their seconds. A render of one single light is one of a render per light. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
         runs::reference_spp(desk),
         desk.load_words(),
     );
@@ -195,7 +195,7 @@ fn panel(subject: &Subject, measured: &Measured, class: usize) -> Panel {
 fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
     let ways: Vec<&str> = Way::ALL.iter().map(|way| way.name()).collect();
     let mut text = format!(
-        "\nCPU seconds to an error of {}, between measured points; \"<\" and \">\": it was reached before the first point, or would be after the last; \"—\": not measured, \
+        "\nCPU seconds to an error of {}, between measured points; \"<\" and \">\": it was reached before the first point, or would be after the last, which has the dB behind it; \"—\": not measured, \
          as it takes too long. The least of each row in bold, where the points tell which it is{}.\n\n| scene | size | dB | {} |\n|---|---|---|{}\n",
         CLASSES[class],
         if class == 0 { ", a render of one of the lights aside" } else { "" },
@@ -215,7 +215,7 @@ fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
             let soonest = soonest(secs);
             let cell = |nth: usize| match secs_words(target, &curves[nth]) {
                 words if soonest == Some(nth) => format!("**{words}**"),
-                words => words,
+                words => words + &short_of(target, &curves[nth]),
             };
             let cells: Vec<String> = (0..curves.len()).map(cell).collect();
             let Film { width, height } = subject.film;
@@ -223,6 +223,14 @@ fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
         }
     }
     text
+}
+
+/// What the last point has of an error that it does not reach; nothing where it is reached.
+fn short_of(target_db: f64, curve: &[[f64; 2]]) -> String {
+    match (secs_between(target_db, curve), curve.last()) {
+        (Some([_, greatest]), Some([_, db])) if greatest.is_infinite() => format!(" ({db:.1} dB)"),
+        _ => String::new(),
+    }
 }
 
 /// Which of several certainly takes the fewest seconds, given the least and the greatest that each can take.
@@ -340,6 +348,8 @@ mod tests {
         let rows = table(&scenes, 2);
         assert!(rows.contains("| hall | 4×3 | 30 | 4.0 | — | — | — | **0.40** |"), "{rows}");
         assert!(!table(&scenes, 0).contains("hall"), "no single lights were measured");
+        let curve = [[1.0, 20.0], [103.0, 21.6]];
+        assert_eq!([21.0, 30.0].map(|db| short_of(db, &curve)), ["", " (21.6 dB)"]);
         let mut points = scenes[0].1.points.clone();
         points.extend([Point { db: [Some(20.0), None, Some(30.0)], ..point(Way::Exact, 9.0, 0.0) }]);
         points.extend([Point { db: [Some(19.5), None, Some(30.5)], ..point(Way::Dense, 8.0, 0.0) }]);
