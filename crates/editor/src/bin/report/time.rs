@@ -89,6 +89,8 @@ const CLASSES: [&str; 3] = ["single lights", "spots on a panel", "all lights of 
 struct Measured {
     n_cols: usize,
     points: Vec<Point>,
+    /// By class of light, the dB at which the reference ends.
+    ends: [Option<f64>; 3],
 }
 
 impl Measured {
@@ -112,8 +114,8 @@ pub fn write(desk: &Desk) -> Result<String> {
     for subject in subjects(desk) {
         let mut measured: Measured = desk.part("time", subject.name, || {
             let scene = prepared(&subject)?;
-            let points = runs::measure(desk, &subject, &scene)?;
-            Ok(Measured { n_cols: scene.lighting.basis.n_cols(), points })
+            let (points, ends) = runs::measure(desk, &subject, &scene)?;
+            Ok(Measured { n_cols: scene.lighting.basis.n_cols(), points, ends })
         })?;
         let curves = [Way::Fast, Way::Exact].map(|way| measured.curve(way, 0));
         measured.points.extend(desk.part::<Vec<Point>>("time", &format!("{}, further", subject.name), || {
@@ -139,6 +141,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         text += &desk.plot(file, &format!("{what}: error against CPU time, by scene"), &panels)?;
         text += &table(&scenes, class);
     }
+    text += &ends(&scenes);
     text += &repeats(&scenes);
     text += &beside_samples(scenes.iter().map(|(subject, measured)| (subject.name, measured.points.as_slice())));
     text += &pays(&scenes);
@@ -240,6 +243,21 @@ fn soonest<const N: usize>(secs: [Option<[f64; 2]>; N]) -> Option<usize> {
         secs[nth].is_some_and(|[_, most]| most.is_finite() && others.all(|[least, _]| most <= least))
     };
     (0..N).find(is_first)
+}
+
+/// How near to the truth errors can be told.
+fn ends(scenes: &[(Subject, Measured)]) -> String {
+    let mut text = format!(
+        "\n### Where the references end\n\n\
+         dB that the mean of both references would be told to have, by its standard error alone: about as far errors can be told, and what would be nearer to the truth is told as that.\n\n\
+         | scene | {} |\n|---|---|---|---|\n",
+        CHAPTERS.map(|(class, ..)| CLASSES[class]).join(" | "),
+    );
+    for (subject, measured) in scenes {
+        let cells = CHAPTERS.map(|(class, ..)| measured.ends[class].map_or("—".into(), |db| format!("{db:.1}")));
+        text += &format!("| {} | {} |\n", subject.name, cells.join(" | "));
+    }
+    text
 }
 
 /// How far bakes and renders of few samples lie apart that differ by their seed alone.
@@ -344,7 +362,8 @@ mod tests {
         ];
         let film = Film { width: 4, height: 3 };
         let subject = Subject { name: "hall", path: PathBuf::new(), sky: None, film, step: 1 };
-        let scenes = [(subject, Measured { n_cols: 1, points })];
+        let scenes = [(subject, Measured { n_cols: 1, points, ends: [Some(30.0), None, Some(45.25)] })];
+        assert!(ends(&scenes).ends_with("\n| hall | 30.0 | 45.2 | — |\n"), "{}", ends(&scenes));
         let rows = table(&scenes, 2);
         assert!(rows.contains("| hall | 4×3 | 30 | 4.0 | — | — | — | **0.40** |"), "{rows}");
         assert!(!table(&scenes, 0).contains("hall"), "no single lights were measured");

@@ -63,6 +63,11 @@ impl Judge {
         [self.reference.errors(rows).median_db(), spots.and_then(mean), picture(&self.full)]
     }
 
+    /// What the mean of both references would be told to have, by its standard error alone: nothing nearer can be told apart.
+    fn ends(&self) -> [Option<f64>; 3] {
+        self.of_rows(&self.reference.mean())
+    }
+
     pub(super) fn of_bake(&self, header: &BakeHeader, groups: &[BlockLowRank]) -> [Option<f64>; 3] {
         self.of_rows(&self.reference.rows_of(header, groups))
     }
@@ -93,8 +98,13 @@ fn spots(basis: &LightBasis) -> Vec<Vec<[f32; 3]>> {
     SPOTS.into_iter().map(light).collect()
 }
 
-/// All points of a scene; those of one number of samples one after the other, so that other work on the machine meets all ways.
-pub(super) fn measure(desk: &Desk, subject: &Subject, scene: &Arc<PreparedScene>) -> Result<Vec<Point>> {
+/// All points of a scene; those of one number of samples one after the other, so that other work on the machine meets all ways. And the
+/// dB at which its reference ends.
+pub(super) fn measure(
+    desk: &Desk,
+    subject: &Subject,
+    scene: &Arc<PreparedScene>,
+) -> Result<(Vec<Point>, [Option<f64>; 3])> {
     let judge = Judge::new(desk, subject, scene)?;
     desk.say(&format!("previewing {}", subject.name));
     let mut points = preview(subject, scene, &judge)?;
@@ -119,7 +129,7 @@ pub(super) fn measure(desk: &Desk, subject: &Subject, scene: &Arc<PreparedScene>
             }
         }
     }
-    Ok(points)
+    Ok((points, judge.ends()))
 }
 
 /// More points of the way of ours that is ahead, on from the last of each (CPU seconds, dB of single lights) until the greatest error
