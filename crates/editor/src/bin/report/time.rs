@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::desk::Desk;
-use super::fit::{gains_words, secs_between, secs_words, spread_words, tenths};
+use super::fit::{gains_words, secs_between, secs_words, spread, spread_words, tenths};
 use super::plot::{Axis, Panel, Scale, Series};
 
 /// Errors that times are told for, in dB.
@@ -205,6 +205,7 @@ fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
         ways.join(" | "),
         "---|".repeat(ways.len()),
     );
+    let (mut ahead, mut n_rows) = ([0; Way::ALL.len()], 0);
     for (subject, measured) in scenes {
         let curves = Way::ALL.map(|way| measured.curve(way, class));
         if curves.iter().all(Vec::is_empty) {
@@ -216,6 +217,8 @@ fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
                 secs[PLAIN] = None;
             }
             let soonest = soonest(secs);
+            n_rows += 1;
+            soonest.into_iter().for_each(|nth| ahead[nth] += 1);
             let cell = |nth: usize| match secs_words(target, &curves[nth]) {
                 words if soonest == Some(nth) => format!("**{words}**"),
                 words => words + &short_of(target, &curves[nth]),
@@ -225,7 +228,16 @@ fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
             text += &format!("| {} | {width}×{height} | {target:.0} | {} |\n", subject.name, cells.join(" | "));
         }
     }
-    text
+    text + &ahead_words(ahead, n_rows)
+}
+
+/// Which way is the soonest in how many rows.
+fn ahead_words(ahead: [usize; Way::ALL.len()], n_rows: usize) -> String {
+    let mut ways: Vec<(usize, &str)> = ahead.into_iter().zip(Way::ALL.map(Way::name)).filter(|way| way.0 > 0).collect();
+    ways.sort_by_key(|way| std::cmp::Reverse(way.0));
+    let mut told: Vec<String> = ways.iter().map(|(n, name)| format!("{name} in {n}")).collect();
+    told.push(format!("the points do not tell in {}", n_rows - ahead.iter().sum::<usize>()));
+    format!("\nThe soonest of {n_rows} rows: {}.\n", told.join("; "))
 }
 
 /// What the last point has of an error that it does not reach; nothing where it is reached.
@@ -318,22 +330,42 @@ fn pays(scenes: &[(Subject, Measured)]) -> String {
          would have after the last; \"—\": nothing follows from them.\n\n\
          | scene | dB | ours, indirect light shared | ours, indirect light traced | matrix, not compressed | a render per light |\n|---|---|---|---|---|---|\n",
     );
+    let mut most: [Vec<f64>; 2] = Default::default();
     for (subject, measured) in scenes {
         for target in TARGETS_DB {
             let secs = |way: Way| secs_between(target, &measured.curve(way, 2));
+            for (most, way) in most.iter_mut().zip([Way::Fast, Way::Exact]) {
+                most.extend(secs(way).zip(secs(Way::Plain)).and_then(|(bake, render)| most_looks(bake, render)));
+            }
             let looks = |way: Way| looks_words(secs(way)?, secs(Way::Plain)?);
             let looks = |way: Way| looks(way).unwrap_or_else(|| "—".into());
             let cells = [Way::Fast, Way::Exact, Way::Dense, Way::Renders].map(looks);
             text += &format!("| {} | {target:.0} | {} |\n", subject.name, cells.join(" | "));
         }
     }
-    text
+    let n_rows = TARGETS_DB.len() * scenes.len();
+    let [shared, traced] = most.map(|most| {
+        let [least, median, greatest] = spread(&most);
+        if most.is_empty() {
+            return format!("in none of {n_rows} rows");
+        }
+        format!("{median:.0} ({least:.0}…{greatest:.0}) in {} of {n_rows} rows", most.len())
+    });
+    text + &format!(
+        "\nWhere a most follows from the points, a bake of ours has paid for itself after so many looks, median (least…greatest): {shared} with indirect light shared, {traced} with it traced.\n"
+    )
+}
+
+/// The most looks that a bake costs, given the same; nothing where there is no most.
+fn most_looks(bake: [f64; 2], render: [f64; 2]) -> Option<f64> {
+    let looks = (bake[1] / render[0]).ceil();
+    looks.is_finite().then_some(looks)
 }
 
 /// So many looks that a bake costs, given the least and the greatest seconds of the bake and of a render; nothing where all is possible.
 fn looks_words(bake: [f64; 2], render: [f64; 2]) -> Option<String> {
     let [least, greatest] = [bake[0] / render[1], bake[1] / render[0]];
-    match (least == greatest, greatest.is_finite(), least > 0.0) {
+    match (least == greatest, greatest.is_finite(), least >= 1.0) {
         (true, ..) => Some(format!("{:.0}", greatest.ceil())),
         (_, true, _) => Some(format!("≤ {:.0}", greatest.ceil())),
         (_, _, true) => Some(format!("> {:.0}", least.floor())),
@@ -366,6 +398,10 @@ mod tests {
         assert!(ends(&scenes).ends_with("\n| hall | 30.0 | 45.2 | — |\n"), "{}", ends(&scenes));
         let rows = table(&scenes, 2);
         assert!(rows.contains("| hall | 4×3 | 30 | 4.0 | — | — | — | **0.40** |"), "{rows}");
+        assert!(
+            rows.ends_with("The soonest of 2 rows: a render of one look in 2; the points do not tell in 0.\n"),
+            "{rows}"
+        );
         assert!(!table(&scenes, 0).contains("hall"), "no single lights were measured");
         let curve = [[1.0, 20.0], [103.0, 21.6]];
         assert_eq!([21.0, 30.0].map(|db| short_of(db, &curve)), ["", " (21.6 dB)"]);
@@ -376,6 +412,8 @@ mod tests {
         assert!(words.contains("of single lights 0.5, kept: +0.5 dB at worst (`hall`, 4 samples, seed 1);"), "{words}");
         assert!(words.contains("of the file -0.5, missed: -0.5 dB at worst (`hall`, 4 samples, seed 1)."), "{words}");
         assert!(pays(&scenes).contains("| hall | 30 | 10 | — | — | — |"), "{}", pays(&scenes));
+        let words = " in 2 of 2 rows with indirect light shared, in none of 2 rows with it traced.\n";
+        assert!(pays(&scenes).ends_with(words), "{}", pays(&scenes));
         let endless = f64::INFINITY;
         assert_eq!(soonest([Some([4.0, 4.0]), None, Some([3.0, endless])]), None, "the last may take 3 or 300");
         assert_eq!(soonest([Some([0.0, 1.4]), Some([1.7, 1.7])]), Some(0));
@@ -385,5 +423,6 @@ mod tests {
         assert_eq!(looks([0.0, 1.4], [0.5, 0.5]), "≤ 3", "the first point is good enough");
         assert_eq!(looks([70.0, endless], [20.0, 20.0]), "> 3");
         assert_eq!(looks([70.0, endless], [20.0, endless]), "");
+        assert_eq!(looks([7.0, endless], [20.0, 20.0]), "", "more than none says nothing");
     }
 }
