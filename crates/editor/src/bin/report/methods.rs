@@ -42,7 +42,13 @@ pub fn write(desk: &Desk) -> Result<String> {
          {}; all methods in turn, one seed after the other. {}\n{tables}",
         desk.choose(", every sixth of them", ""),
         desk.choose(", thinned to every fourth pixel across and down,", ""),
-        desk.choose("One seed".into(), format!("Median (least…greatest) of {} seeds where they differ", SEEDS.len())),
+        desk.choose(
+            format!("Seed {SEED}"),
+            format!(
+                "Median (least…greatest) of the seeds {} where they differ",
+                SEEDS.map(|seed| seed.to_string()).join(", ")
+            )
+        ),
         desk.load_words(),
     ))
 }

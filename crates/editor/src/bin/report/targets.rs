@@ -115,7 +115,7 @@ fn best_fourth(tried: Results, target_db: f64) -> Option<(Method, Result<Coded>)
     })
 }
 
-const HEAD: &str = "| method | dB | worst block | dense / bytes | mean rank | over the least | multiply-adds | seams | told | ms |\n\
+const HEAD: &str = "| method | dB | worst block over what is asked | dense / bytes | mean rank | over the least | multiply-adds | seams | told | ms |\n\
     |---|---|---|---|---|---|---|---|---|---|\n";
 
 fn table(subject: &Subject, target_db: f64, results: &Results) -> String {
