@@ -58,7 +58,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     }
     Ok(format!(
         "## Relighting\n\n\
-         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere, random factors from a fixed seed; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Best of\n\
+         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere, random factors of seed {}; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Best of\n\
          {TURNS} turns: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
          read (16-bit floats, or bytes with a scale per vector), and the radiance that is written; on a device it is read again, and what is shown is written. On the CPU each is done {REPEATS} times in a row, as in a drag, and the last is timed.\n\
          The share is that of what the same memory did in the same turns: read by all threads on the CPU, of far more than caches hold; copied by a kernel on a device. What moves\n\
@@ -66,6 +66,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          On a device, *by its clock* is what the device itself notes between the begin of the first stage and the end of the last (project, expand and display are parts of it; sums of segments\n\
          are the rest), and the bandwidth of its copies is noted in the same way in the same turns: that share is the one that counts. *Waited for* is one picture from outside, handing over\n\
          and waiting included; *in a row* is a picture of {} (of {} where there is no hardware) that are handed over before anybody waits, against copies timed from outside. {}\n{measured}",
+        Recipe::default().seed,
         IN_A_ROW[0],
         IN_A_ROW[1],
         desk.load_words(),

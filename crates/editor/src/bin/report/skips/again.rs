@@ -77,9 +77,10 @@ pub(super) fn table(desk: &Desk, name: &str, film: Film, spp: u32) -> Result<Str
     }
     Ok(format!(
         "\n### {name}, baked again\n\n\
-         An earlier bake of the scene is at hand, and one of its lamps has changed. Times are single tries; preparing the scene (its hierarchies) is done either way.\n\n\
+         An earlier bake of the scene is at hand, and one of its lamps has changed. Times are single tries with seed {}; preparing the scene (its hierarchies) is done either way.\n\n\
          | what changed | columns traced | bake, CPU s | from nothing, CPU s | preparing, CPU s | picture dB against that from nothing |\n\
-         |---|---|---|---|---|---|\n{rows}"
+         |---|---|---|---|---|---|\n{rows}",
+        BakeConfig::default().seed,
     ))
 }
 
