@@ -58,8 +58,8 @@ pub fn write(desk: &Desk) -> Result<String> {
     }
     Ok(format!(
         "## Relighting\n\n\
-         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere, random factors of seed {}; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Best of\n\
-         {TURNS} turns: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
+         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere, random factors of seed {}; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Least…greatest of\n\
+         {TURNS} turns, of which shares are those of the least: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
          read (16-bit floats, or bytes with a scale per vector), and the radiance that is written; on a device it is read again, and what is shown is written. On the CPU each is done {REPEATS} times in a row, as in a drag, and the last is timed.\n\
          The share is that of what the same memory did in the same turns: read by all threads on the CPU, of far more than caches hold; copied by a kernel on a device. What moves\n\
          little comes from caches, faster than memory is: the last two columns hold it against reading as many bytes again and again.\n\n\
@@ -86,13 +86,26 @@ pub fn tables(desk: &Desk, choice: DeviceChoice) -> Result<String> {
     Ok(measured)
 }
 
+/// The least and the greatest of no seconds yet.
+const NONE_YET: [f64; 2] = [f64::INFINITY, 0.0];
+
+/// With one more try.
+fn widened([least, greatest]: [f64; 2], secs: f64) -> [f64; 2] {
+    [least.min(secs), greatest.max(secs)]
+}
+
+/// Least…greatest.
+fn millis([least, greatest]: [f64; 2]) -> String {
+    format!("{:.2}…{:.2}", 1e3 * least, 1e3 * greatest)
+}
+
 /// Best of what one job did.
 struct Row {
     job: Job,
     /// Bytes that all columns, and one light, move.
     n_bytes: [u64; 2],
-    /// Seconds for all columns, for one light, for display alone.
-    secs: [f64; 3],
+    /// Seconds for all columns, for one light, for display alone, each the least and the greatest.
+    secs: [[f64; 2]; 3],
     /// Bytes per second of memory.
     memory: f64,
     /// The same where only as many bytes are read as all columns move, so that caches help both alike.
@@ -101,21 +114,21 @@ struct Row {
 
 impl Row {
     fn new(job: Job) -> Row {
-        Row { job, n_bytes: [0; 2], secs: [f64::INFINITY; 3], memory: 0.0, as_many: 0.0 }
+        Row { job, n_bytes: [0; 2], secs: [NONE_YET; 3], memory: 0.0, as_many: 0.0 }
     }
 
     fn time(&mut self, what: usize, job: impl FnOnce() -> Result<(), RelightError>) -> Result<(), RelightError> {
         let start = Instant::now();
         job()?;
-        self.secs[what] = self.secs[what].min(start.elapsed().as_secs_f64());
+        self.secs[what] = widened(self.secs[what], start.elapsed().as_secs_f64());
         Ok(())
     }
 
     fn line(&self) -> String {
-        let share = |what: usize| 100.0 * self.n_bytes[what] as f64 / self.secs[what] / self.memory;
-        let [all, one, display] = self.secs.map(|secs| 1e3 * secs);
+        let share = |what: usize| 100.0 * self.n_bytes[what] as f64 / self.secs[what][0] / self.memory;
+        let [all, one, display] = self.secs.map(millis);
         format!(
-            "| {} | {:.0} | {all:.2} | {:.0} % | {:.1} | {one:.2} | {:.0} % | {display:.2} | {:.1} | {:.1} | {:.0} % |\n",
+            "| {} | {:.0} | {all} | {:.0} % | {:.1} | {one} | {:.0} % | {display} | {:.1} | {:.1} | {:.0} % |\n",
             name(self.job),
             self.n_bytes[0] as f64 / 1e6,
             share(0),

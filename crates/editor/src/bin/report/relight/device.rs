@@ -10,8 +10,8 @@ use clerestory_relight::{DisplayParams, Gpu, GpuRelighter, Precision, Relight, R
 
 use super::super::desk::Desk;
 use super::{
-    DEVICE_PROBE_BYTES, DEVICE_RADIANCE_BYTES, IN_A_ROW, Job, SHOWN_BYTES, SOFTWARE_PIXELS, TURNS, coefficients, name,
-    recipe,
+    DEVICE_PROBE_BYTES, DEVICE_RADIANCE_BYTES, IN_A_ROW, Job, NONE_YET, SHOWN_BYTES, SOFTWARE_PIXELS, TURNS,
+    coefficients, millis, name, recipe, widened,
 };
 
 /// What devices of hardware do besides: beside so much the time between stages matters little.
@@ -33,10 +33,10 @@ struct Case {
     n_bytes: u64,
     /// What the device noted of the picture that took it the least.
     clock: Option<StageSecs>,
-    /// Seconds of one picture that is waited for.
-    waited_for: f64,
-    /// Seconds of a picture of those in a row.
-    in_a_row: f64,
+    /// Seconds of one picture that is waited for, the least and the greatest.
+    waited_for: [f64; 2],
+    /// The same of a picture of those in a row.
+    in_a_row: [f64; 2],
 }
 
 /// All jobs that the device is fast enough for.
@@ -74,7 +74,7 @@ fn measured(gpu: &Gpu, probe: &CopyProbe, job: Job) -> Result<Row, RelightError>
     relighter.relight_to_texture(&recipe.coefficients(1000), &display)?;
     warm_up(gpu, &mut relighter, &recipe)?;
     let n_written = u64::from(job[0]) * u64::from(job[1]) * (2 * DEVICE_RADIANCE_BYTES + SHOWN_BYTES);
-    let case = Case { n_bytes: 0, clock: None, waited_for: f64::INFINITY, in_a_row: f64::INFINITY };
+    let case = Case { n_bytes: 0, clock: None, waited_for: NONE_YET, in_a_row: NONE_YET };
     let mut row = Row { job, cases: [case; 2], copies: CopyRates { from_outside: 0.0, within: None } };
     let n_in_a_row = IN_A_ROW[usize::from(gpu.is_software())];
     for turn in 0..TURNS {
@@ -87,7 +87,7 @@ fn measured(gpu: &Gpu, probe: &CopyProbe, job: Job) -> Result<Row, RelightError>
             let start = Instant::now();
             relighter.relight_to_texture(&drag[1], &display)?;
             gpu.wait()?;
-            case.waited_for = case.waited_for.min(start.elapsed().as_secs_f64());
+            case.waited_for = widened(case.waited_for, start.elapsed().as_secs_f64());
             case.n_bytes = relighter.stats().n_bytes + n_written;
             case.take(relighter.stage_secs()?);
             relighter.stop_clock();
@@ -96,7 +96,7 @@ fn measured(gpu: &Gpu, probe: &CopyProbe, job: Job) -> Result<Row, RelightError>
                 relighter.relight_to_texture(x, &display)?;
             }
             gpu.wait()?;
-            case.in_a_row = case.in_a_row.min(start.elapsed().as_secs_f64() / n_in_a_row as f64);
+            case.in_a_row = widened(case.in_a_row, start.elapsed().as_secs_f64() / n_in_a_row as f64);
         }
         let rates = probe.rates()?;
         row.copies.from_outside = row.copies.from_outside.max(rates.from_outside);
@@ -142,13 +142,13 @@ impl Row {
                 )
             });
             format!(
-                "| {} | {what} | {:.1} {inside}| {:.2} | {:.2} | {:.1} | {:.0} % |\n",
+                "| {} | {what} | {:.1} {inside}| {} | {} | {:.1} | {:.0} % |\n",
                 name(self.job),
                 n_bytes / 1e6,
-                1e3 * case.waited_for,
-                1e3 * case.in_a_row,
+                millis(case.waited_for),
+                millis(case.in_a_row),
                 self.copies.from_outside / 1e9,
-                100.0 * n_bytes / case.in_a_row / self.copies.from_outside,
+                100.0 * n_bytes / case.in_a_row[0] / self.copies.from_outside,
             )
         };
         self.cases.iter().zip(["all", "one light"]).map(line).collect()
