@@ -261,7 +261,7 @@ fn soonest<const N: usize>(secs: [Option<[f64; 2]>; N]) -> Option<usize> {
 fn ends(scenes: &[(Subject, Measured)]) -> String {
     let mut text = format!(
         "\n### Where the references end\n\n\
-         dB that the mean of both references would be told to have, by its standard error alone: about as far errors can be told, and what would be nearer to the truth is told as that.\n\n\
+         dB that the mean of both references would be told to have, by its standard error alone: about as far as errors can be told; what is nearer to the truth is told as about that.\n\n\
          | scene | {} |\n|---|---|---|---|\n",
         CHAPTERS.map(|(class, ..)| CLASSES[class]).join(" | "),
     );
