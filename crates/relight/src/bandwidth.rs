@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use std::hint::black_box;
 use std::time::Instant;
 
-use crate::cpu::prefetch::prefetch;
+pub use crate::cpu::prefetch::prefetch;
 use crate::gpu::clock::Stamps;
 use crate::gpu::{Gpu, copy_pass};
 use crate::relight::RelightError;

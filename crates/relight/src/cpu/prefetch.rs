@@ -6,7 +6,7 @@
 
 /// Asks for these values to come into the second level of cache, which has more room for what is under way than the first.
 #[inline]
-pub(crate) fn prefetch<T>(values: &[T]) {
+pub fn prefetch<T>(values: &[T]) {
     #[cfg(target_arch = "x86_64")]
     for at in (0..size_of_val(values)).step_by(64) {
         use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};

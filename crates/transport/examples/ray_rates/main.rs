@@ -4,6 +4,7 @@
 //! `cargo run --release -p clerestory-transport --example ray_rates -- [--rays N] [--hall TRIANGLES] [SCENE.glb]…`
 
 mod clock;
+mod exact;
 mod hall;
 mod rays;
 mod trees;
@@ -76,7 +77,14 @@ fn measure(name: &str, triangles: &[[Vec3; 3]], camera: &Camera, n_rays: usize) 
     let (build_ours, ours) = cpu_secs(|| Ours::build(triangles));
     let (build_theirs, theirs) = cpu_secs(|| Theirs::build(triangles));
     let rays = Rays::new(triangles, &ours, camera, n_rays);
-    let kinds: Vec<Value> = rays.kinds().map(|(kind, question)| compare(kind, &question, &ours, &theirs)).collect();
+    let compared = |(kind, question): (&str, Question)| {
+        let settled = question.settled(&ours, &theirs, triangles);
+        let mut told = compare(kind, &question, &ours, &theirs);
+        told["differ"] = settled.n_differ.into();
+        told["wrong"] = json!({ "ours": settled.n_wrong[0], "theirs": settled.n_wrong[1] });
+        told
+    };
+    let kinds: Vec<Value> = rays.kinds().map(compared).collect();
     json!({
         "scene": name, "triangles": triangles.len(),
         "build_secs": { "ours": build_ours, "theirs": build_theirs }, "kinds": kinds,
@@ -96,16 +104,16 @@ fn secs(question: &Question, tree: &impl trees::Tree) -> f64 {
     total / n
 }
 
-/// Rates in million rays per second of one thread, and how many rays the two answer otherwise.
+/// Rates in million rays per second of one thread, and the least and the greatest ratio of a pass.
 fn compare(kind: &str, question: &Question, ours: &Ours, theirs: &Theirs) -> Value {
-    let mut best = [f64::INFINITY; 2];
+    let (mut best, mut ratios) = ([f64::INFINITY; 2], [f64::INFINITY, 0f64]);
     for _ in 0..PASSES {
-        best[0] = best[0].min(secs(question, ours));
-        best[1] = best[1].min(secs(question, theirs));
+        let pass = [secs(question, ours), secs(question, theirs)];
+        best = [best[0].min(pass[0]), best[1].min(pass[1])];
+        ratios = [ratios[0].min(pass[1] / pass[0]), ratios[1].max(pass[1] / pass[0])];
     }
     let rate = |secs: f64| question.n_rays() as f64 / secs / 1e6;
     json!({
-        "kind": kind, "rays": question.n_rays(), "ours": rate(best[0]), "theirs": rate(best[1]),
-        "differ": question.n_answered_otherwise(ours, theirs),
+        "kind": kind, "rays": question.n_rays(), "ours": rate(best[0]), "theirs": rate(best[1]), "ratios": ratios,
     })
 }

@@ -7,6 +7,7 @@ use clerestory_transport::clearance::offset_origin;
 use clerestory_transport::sampler::Sampler;
 use glam::{Vec2, Vec3};
 
+use crate::exact;
 use crate::trees::{Ours, Tree};
 
 /// Segments end just before the panel.
@@ -48,27 +49,54 @@ impl Question<'_> {
         }
     }
 
-    /// How many rays two trees answer otherwise; hits a thousandth apart are the same.
-    pub fn n_answered_otherwise(&self, one: &impl Tree, other: &impl Tree) -> usize {
+    /// What two trees answer otherwise, and who is right.
+    pub fn settled(&self, one: &impl Tree, other: &impl Tree, triangles: &[[Vec3; 3]]) -> Settled {
+        let mut settled = Settled::default();
+        let is_free = |ray: &Ray| exact::closest(triangles, ray).is_infinite();
         match self {
             Question::Closest(rays) => {
-                let same = |a: f32, b: f32| a == b || (a - b).abs() <= 1e-3 * a.max(b);
-                rays.iter().filter(|ray| !same(one.closest(ray), other.closest(ray))).count()
+                // A hit and none are not the same, so the smaller counts.
+                let same = |a: f64, b: f64| a == b || (a - b).abs() <= 1e-3 * a.min(b);
+                for ray in rays.iter() {
+                    let told = [one.closest(ray), other.closest(ray)].map(f64::from);
+                    settled.add(told, same, || exact::closest(triangles, ray));
+                }
             }
-            Question::Free(rays) => rays.iter().filter(|ray| one.is_free(ray) != other.is_free(ray)).count(),
+            Question::Free(rays) => {
+                for ray in rays.iter() {
+                    settled.add([one.is_free(ray), other.is_free(ray)], |a, b| a == b, || is_free(ray));
+                }
+            }
             Question::Fans(origins, tiles) => {
-                let bits = |tree: &dyn Fn(Vec3, &[Vec3; 16]) -> u16, origin: &Vec3| -> Vec<u16> {
-                    tiles.iter().map(|tile| tree(*origin, tile)).collect()
-                };
-                let ask_one = |origin: Vec3, tile: &[Vec3; 16]| one.free16(origin, tile, SEGMENT_END);
-                let ask_other = |origin: Vec3, tile: &[Vec3; 16]| other.free16(origin, tile, SEGMENT_END);
-                let differing = |origin| {
-                    let pairs = bits(&ask_one, origin).into_iter().zip(bits(&ask_other, origin));
-                    pairs.map(|(a, b)| (a ^ b).count_ones() as usize).sum::<usize>()
-                };
-                origins.iter().map(differing).sum()
+                for (&origin, tile) in origins.iter().flat_map(|origin| tiles.iter().map(move |tile| (origin, tile))) {
+                    let told = [one.free16(origin, tile, SEGMENT_END), other.free16(origin, tile, SEGMENT_END)];
+                    for (nth, &target) in tile.iter().enumerate() {
+                        let ray = Ray { t_max: SEGMENT_END, ..endless(origin, target - origin) };
+                        settled.add(told.map(|bits| bits >> nth & 1 == 1), |a, b| a == b, || is_free(&ray));
+                    }
+                }
             }
         }
+        settled
+    }
+}
+
+/// Rays that two trees answer otherwise, hits a thousandth apart being the same.
+#[derive(Default)]
+pub struct Settled {
+    pub n_differ: usize,
+    /// Of these, what each tree answers other than all triangles do in double precision.
+    pub n_wrong: [usize; 2],
+}
+
+impl Settled {
+    fn add<T: Copy>(&mut self, told: [T; 2], same: impl Fn(T, T) -> bool, right: impl FnOnce() -> T) {
+        if same(told[0], told[1]) {
+            return;
+        }
+        self.n_differ += 1;
+        let right = right();
+        self.n_wrong.iter_mut().zip(told).for_each(|(wrong, told)| *wrong += usize::from(!same(told, right)));
     }
 }
 

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -32,8 +31,8 @@ pub struct Desk {
     begun: Mutex<Option<Computed>>,
     /// The commit in words, as it was when the report began.
     commit: String,
-    /// Whether parts of the section lay there from a run that was interrupted.
-    is_resumed: AtomicBool,
+    /// Seconds that parts of the section took that lay there from a run that was interrupted.
+    earlier_secs: Mutex<f64>,
 }
 
 impl Desk {
@@ -49,7 +48,7 @@ impl Desk {
         std::fs::create_dir_all(&pages).with_context(|| format!("cannot make the folder {}", pages.display()))?;
         Ok(Desk {
             commit: commit(&root).unwrap_or_default(),
-            is_resumed: AtomicBool::new(false),
+            earlier_secs: Mutex::new(0.0),
             root,
             pages,
             quick,
@@ -86,21 +85,26 @@ impl Desk {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let quick = if self.quick { "--quick " } else { "" };
         format!(
-            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, built by {}, on {threads} threads of {} ({}){}, {} {:.0} s.*",
+            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, built by {}, on {threads} threads of {} ({}){}, in {}.*",
             env!("CARGO_PKG_VERSION"),
             self.commit,
             env!("CLERESTORY_RUSTC"),
             cpu_name(),
             std::env::consts::OS,
             memory_words(memory_bytes()),
-            if self.is_resumed.load(Ordering::Relaxed) { "after an interruption the rest in" } else { "in" },
-            self.begun_at.lock().unwrap_or_else(PoisonError::into_inner).elapsed().as_secs_f64(),
+            secs_words(self.secs(), *self.earlier_secs.lock().unwrap_or_else(PoisonError::into_inner)),
         )
+    }
+
+    /// Seconds that the section took, in this run and, as far as its parts were kept, before an interruption.
+    pub fn secs(&self) -> f64 {
+        let now = self.begun_at.lock().unwrap_or_else(PoisonError::into_inner).elapsed().as_secs_f64();
+        now + *self.earlier_secs.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A section begins: what others compute is counted from here on.
     pub fn begin(&self) {
-        self.is_resumed.store(false, Ordering::Relaxed);
+        *self.earlier_secs.lock().unwrap_or_else(PoisonError::into_inner) = 0.0;
         *self.begun_at.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
         *self.begun.lock().unwrap_or_else(PoisonError::into_inner) = Computed::now();
     }
@@ -131,12 +135,8 @@ impl Desk {
         part: &str,
         measure: impl FnOnce() -> Result<T>,
     ) -> Result<T> {
-        let mut is_measured = false;
-        let value = self.kept.part(&self.parts_of(section), part, || {
-            is_measured = true;
-            measure()
-        })?;
-        self.is_resumed.fetch_or(!is_measured, Ordering::Relaxed);
+        let (value, earlier_secs) = self.kept.part(&self.parts_of(section), part, measure)?;
+        *self.earlier_secs.lock().unwrap_or_else(PoisonError::into_inner) += earlier_secs.unwrap_or(0.0);
         Ok(value)
     }
 
@@ -263,6 +263,15 @@ fn commit(root: &Path) -> Option<String> {
     Some(format!(" ({commit}{changed})"))
 }
 
+/// Seconds in words, and how many of them were before an interruption.
+fn secs_words(secs: f64, earlier: f64) -> String {
+    if earlier > 0.0 {
+        format!("{secs:.0} s, {earlier:.0} of them before an interruption")
+    } else {
+        format!("{secs:.0} s")
+    }
+}
+
 /// The memory of the machine in words; nothing where the system does not tell.
 fn memory_words(bytes: Option<u64>) -> String {
     let words = |bytes: u64| format!(" with {:.1} GiB of memory", bytes as f64 / f64::from(1 << 30));
@@ -285,6 +294,12 @@ mod tests {
         assert_eq!(memory_words(Some(3 << 29)), " with 1.5 GiB of memory");
         assert_eq!(memory_words(None), "");
         assert!(env!("CLERESTORY_RUSTC").starts_with("rustc "), "{}", env!("CLERESTORY_RUSTC"));
+    }
+
+    #[test]
+    fn seconds_are_those_of_all_stretches() {
+        assert_eq!(secs_words(452.4, 0.0), "452 s");
+        assert_eq!(secs_words(900.0, 448.0), "900 s, 448 of them before an interruption");
     }
 
     #[test]

@@ -5,7 +5,6 @@ use std::process::Command;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
-use clerestory_transport::bake::BakeConfig;
 
 use super::desk::{Desk, clerestory, number, program};
 
@@ -18,7 +17,7 @@ const TRIES: usize = 9;
 /// If a scene cannot be baked.
 pub fn write(desk: &Desk) -> Result<String> {
     let size = desk.choose("192x144", "1024x768");
-    let spp = "4";
+    let (spp, seed) = ("4", "1");
     let program = program()?;
     let own = Some(desk.root.join("assets/scenes/gallery.glb"));
     let scenes = [("gallery", own), ("conference-panel", desk.shared("scenes/conference-panel.glb"))];
@@ -26,7 +25,19 @@ pub fn write(desk: &Desk) -> Result<String> {
     for (name, path) in scenes.into_iter().filter_map(|(name, path)| Some((name, path?))) {
         desk.say(&format!("baking {name}"));
         let transport = desk.file(&format!("{name}-{size}.transport"));
-        clerestory(&["bake", &path.display().to_string(), "-o", &transport, "--size", size, "--spp", spp, "--json"])?;
+        clerestory(&[
+            "bake",
+            &path.display().to_string(),
+            "-o",
+            &transport,
+            "--size",
+            size,
+            "--spp",
+            spp,
+            "--seed",
+            seed,
+            "--json",
+        ])?;
         let told = clerestory(&["info", &transport, "--json"])?;
         for kind in ["exr", "png"] {
             let picture = desk.file(&format!("{name}.{kind}"));
@@ -51,10 +62,9 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## From a file to a picture\n\n\
          `clerestory relight FILE.transport -o PICTURE` at {} pixels on the CPU, a process of its own for each, from its start to its end: median of\n\
-         {TRIES}, and least to most. Bakes of at most {spp} samples, of seed {}. {}\n\n\
+         {TRIES}, and least to most. Bakes of at most {spp} samples, seed {seed}. {}\n\n\
          | scene | transport | columns | picture | time | spread | size of the picture |\n|---|---|---|---|---|---|---|\n{rows}",
         size.replace('x', " × "),
-        BakeConfig::default().seed,
         desk.load_words(),
     ))
 }

@@ -1,5 +1,7 @@
 //! What a few measured points say: where a curve crosses a target, how steeply something grows, how far repeats lie apart.
 
+use super::lamps::tables::Goal;
+
 /// Seconds at which an error is reached, between the two points around it, dB over the logarithm of time; points are
 /// (seconds, dB). `None` if no two neighbors lie on both sides.
 pub fn secs_at(target_db: f64, points: &[[f64; 2]]) -> Option<f64> {
@@ -29,11 +31,12 @@ pub fn secs_words(target_db: f64, points: &[[f64; 2]]) -> String {
 
 /// Two digits that count.
 pub fn digits(value: f64) -> String {
-    match value {
-        value if value > 0.0 && value < 0.1 => format!("{value:.*}", (1.0 - value.log10().floor()).min(9.0) as usize),
-        value if value >= 10.0 => format!("{value:.0}"),
-        value if value >= 1.0 => format!("{value:.1}"),
-        value => format!("{value:.2}"),
+    // What rounds to a tenfold has the digits of that.
+    match format!("{value:.1e}").parse().unwrap_or(value) {
+        size if size > 0.0 && size < 0.1 => format!("{value:.*}", (1.0 - f64::log10(size).floor()).min(9.0) as usize),
+        size if size >= 10.0 => format!("{value:.0}"),
+        size if size >= 1.0 => format!("{value:.1}"),
+        _ => format!("{value:.2}"),
     }
 }
 
@@ -86,6 +89,14 @@ pub fn cpu_words(values: Vec<f64>) -> String {
     })
 }
 
+/// Whether no gain in dB falls below nothing, and where the least is.
+pub fn gains_words(gains: &[(String, f64)]) -> String {
+    let worst = gains.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    worst.map_or("nothing to tell".into(), |(name, db)| {
+        format!("{}: {db:+.1} dB at worst ({name})", Goal::Least(0.0).word(*db))
+    })
+}
+
 fn spread_told(values: Vec<f64>, tell: fn(f64) -> String) -> String {
     let n = values.len();
     let [least, median, greatest] = spread(&values).map(tell);
@@ -122,6 +133,19 @@ mod tests {
             [0.0, 0.0042, 0.081, 0.25, 1.25, 12.5].map(digits),
             ["0.00", "0.0042", "0.081", "0.25", "1.2", "12"]
         );
+        assert_eq!([0.000_999_7, 0.0997, 0.9996, 9.97].map(digits), ["0.0010", "0.10", "1.0", "10"]);
+    }
+
+    #[test]
+    fn the_worst_gain_is_named_with_whether_it_is_one() {
+        let gains = |db: [f64; 2]| gains_words(&[("a hall".into(), db[0]), ("a room".into(), db[1])]);
+        assert_eq!(gains([2.0, -0.5]), "missed: -0.5 dB at worst (a room)");
+        assert_eq!(gains([0.0, 1.5]), "kept: +0.0 dB at worst (a hall)");
+        assert_eq!(gains_words(&[]), "nothing to tell");
+    }
+
+    #[test]
+    fn a_median_is_the_middle_or_the_mean_of_both() {
         assert_eq!(
             [&[][..], &[3.0], &[4.0, 1.0, 2.0], &[9.0, 1.0, 2.0, 4.0]].map(median),
             [None, Some(3.0), Some(2.0), Some(3.0)]

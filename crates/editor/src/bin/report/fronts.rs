@@ -39,7 +39,8 @@ const PACKED: [Method; 6] = [
     Method::RowId,
 ];
 /// Methods with a color of their own in the plots.
-const NAMED: [&str; 7] = [OURS, "projected", "svd", "alg4:pinv=0.01", "alg4:projection", "kernel", "aca-full"];
+const NAMED: [&str; 7] =
+    [OURS, "svd, packed", "row-id, packed", "alg4:pinv=0.01, packed", "svd", "alg4:pinv=0.01", "kernel"];
 
 /// A method at a rank, or ours at a tolerance.
 #[derive(Clone, Serialize, Deserialize)]
@@ -291,6 +292,14 @@ fn panel(name: &str, label: &'static str, points: &[Point], cost: fn(&Point) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rivals_that_are_packed_have_colors_of_their_own() {
+        let packed: Vec<String> = PACKED.iter().map(|method| format!("{method}, packed")).collect();
+        let named = NAMED.iter().filter(|name| **name != OURS && name.ends_with(", packed"));
+        assert!(named.clone().all(|name| packed.iter().any(|packed| packed == name)), "{packed:?}");
+        assert_eq!(named.count(), 3);
+    }
 
     #[test]
     fn only_what_is_better_than_all_that_is_cheaper_is_in_front() {

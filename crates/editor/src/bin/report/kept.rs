@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use anyhow::{Context, Result};
 use flate2::Crc;
@@ -52,8 +53,8 @@ impl Kept {
         self.folder.join("references").join(format!("{:08x}-{:08x}.bin", crc(key.as_bytes()), key.len()))
     }
 
-    /// What was measured of a part of a section, by this very program: as it is written down from an interrupted run, else
-    /// measured now.
+    /// What was measured of a part of a section, by this very program: as it is written down from an interrupted run, with the seconds
+    /// that it took then, else measured now.
     ///
     /// # Errors
     /// If it cannot be measured or written.
@@ -62,14 +63,15 @@ impl Kept {
         section: &str,
         part: &str,
         measure: impl FnOnce() -> Result<T>,
-    ) -> Result<T> {
+    ) -> Result<(T, Option<f64>)> {
         let path = self.parts(section)?.join(format!("{part}.json"));
-        if let Some(value) = fs::read(&path).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok()) {
-            return Ok(value);
+        if let Some((secs, value)) = fs::read(&path).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok()) {
+            return Ok((value, Some(secs)));
         }
+        let begun = Instant::now();
         let value = measure()?;
-        put(&path, &serde_json::to_vec(&value)?)?;
-        Ok(value)
+        put(&path, &serde_json::to_vec(&(begun.elapsed().as_secs_f64(), &value))?)?;
+        Ok((value, None))
     }
 
     /// Forgets the parts of a section that is finished: the next run measures again.
@@ -162,10 +164,15 @@ mod tests {
     #[test]
     fn a_part_is_measured_once_until_its_section_is_finished() {
         let kept = kept("parts");
-        assert_eq!(kept.part("time", "gallery", || Ok(7)).unwrap(), 7);
-        assert_eq!(kept.part("time", "gallery", || Ok(8)).unwrap(), 7);
+        let slow = || {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            Ok(7)
+        };
+        assert_eq!(kept.part("time", "gallery", slow).unwrap(), (7, None));
+        let (value, secs) = kept.part("time", "gallery", || Ok(8)).unwrap();
+        assert!(value == 7 && secs.is_some_and(|secs| secs >= 0.02), "{value} after {secs:?} s");
         kept.finish("time").unwrap();
-        assert_eq!(kept.part("time", "gallery", || Ok(8)).unwrap(), 8);
+        assert_eq!(kept.part("time", "gallery", || Ok(8)).unwrap(), (8, None));
         fs::remove_dir_all(&kept.folder).unwrap();
     }
 }

@@ -141,11 +141,11 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
         [] => section.name != "hardware" || hardware::is_here(),
         names => names.iter().any(|name| name == section.name),
     };
+    let begun = Instant::now();
     let measured = |section: &Section| {
-        let begun = Instant::now();
         desk.begin();
         let text = (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))?;
-        complain(&format!("{} took {:.0} s", section.name, begun.elapsed().as_secs_f64()));
+        complain(&format!("{} took {:.0} s", section.name, desk.secs()));
         Ok::<_, anyhow::Error>(text)
     };
     for (page, section) in OWN_PAGES.iter().filter(|(_, section)| asked(&section)) {
@@ -166,6 +166,7 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
         put(&path, &page.text(known()))?;
         desk.finish(section.name)?;
     }
+    complain(&format!("all sections took {:.0} s in this run", begun.elapsed().as_secs_f64()));
     Ok(())
 }
 

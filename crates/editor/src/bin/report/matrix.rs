@@ -69,7 +69,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          (x − a)(x − b) over its entries, x baked, a and b two independent references of {spp} samples per pixel each that are not\n\
          compressed{}: so their noise does not count, but no error is told as less than its standard error. It is told in dB below the square of the reference column's 99.5 percentile;\n\
          nothing is clipped. Entries of a pixel that shows the column's own light, or beside one that does, are left out; the last\n\
-         column has them too. Where a tolerance is told, a block takes samples until its own error is below it; CPU seconds for a\n\
+         column has them too: there the light itself is seen, far brighter than the peak of what it lights, so that an edge of it in a pixel costs many dB, and less than none is an error greater than that peak. Where a tolerance is told, a block takes samples until its own error is below it; CPU seconds for a\n\
          number of dB lie between two rows of a kind. All bakes have seed 1, the references another; those with the fewest samples have {} more, \
          and their seconds and mean dB are the median (least…greatest). {}\n{scenes}",
         film.width,

@@ -7,7 +7,7 @@ pub mod planes;
 
 use std::time::Instant;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use clerestory_nystrom::rivals::{Core, DMatrix, Method, MethodError, Real, approximate};
 use clerestory_transport::camera::Film;
 
@@ -15,6 +15,7 @@ use self::dense::{Picture, squared_error};
 use super::desk::Desk;
 use super::errors::decibels;
 use super::fit::tenths;
+use super::kept::checksum;
 use super::reference::Sampling;
 
 const RANKS: [usize; 3] = [4, 16, 32];
@@ -30,6 +31,8 @@ const SEEDS: [u64; 3] = [SEED, 2, 3];
 /// # Errors
 /// If a matrix cannot be read or sampled.
 pub fn write(desk: &Desk) -> Result<String> {
+    let names: &[&str] = desk.choose(&["mixed"], &["mixed", "reflect"]);
+    let checksums = checksums(desk, names)?;
     let tables = tables(desk)?;
     Ok(format!(
         "## Methods\n\n\
@@ -39,18 +42,32 @@ pub fn write(desk: &Desk) -> Result<String> {
          and the error in single precision are means per block at rank {TOLD}; the other errors are in double precision, but for `projected`,\n\
          which is single precision by itself, its factors rounded to eleven bits. Columns of a square panel are in the order of Morton's curve,\n\
          which matters to compressed sensing alone. \"Singular\": the intersection of the chosen rows and columns of a block had no inverse.\n\
-         {}; all methods in turn, one seed after the other. {}\n{tables}",
+         {}; all methods in turn, one seed after the other. {checksums}{}\n{tables}",
         desk.choose(", every sixth of them", ""),
         desk.choose(", thinned to every fourth pixel across and down,", ""),
         desk.choose(
             format!("Seed {SEED}"),
             format!(
-                "Median (least…greatest) of seeds {} where they differ",
+                "Median (least…greatest) of the seeds {} where they differ",
                 SEEDS.map(|seed| seed.to_string()).join(", ")
             )
         ),
         desk.load_words(),
     ))
+}
+
+/// Checksums of the files of shared matrices, a sentence; nothing where none is at hand.
+///
+/// # Errors
+/// If one cannot be read.
+pub fn checksums(desk: &Desk, names: &[&str]) -> Result<String> {
+    let mut told = Vec::new();
+    for name in names {
+        let Some(path) = desk.shared(&format!("matrices/{name}.npz")) else { continue };
+        let bytes = std::fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        told.push(format!("`{name}.npz` {}", checksum(&bytes)));
+    }
+    Ok(if told.is_empty() { String::new() } else { format!("Checksums (CRC-32): {}. ", told.join(", ")) })
 }
 
 /// One table after the other.

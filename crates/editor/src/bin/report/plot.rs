@@ -47,6 +47,8 @@ pub struct Panel {
 const SIZE: [f64; 2] = [372.0, 270.0];
 /// Room for labels: left, top, right, bottom.
 const MARGIN: [f64; 4] = [54.0, 26.0, 14.0, 42.0];
+/// Length of a mark on an axis that is not told.
+const SHORT: f64 = 5.0;
 const MOST_ACROSS: usize = 3;
 const LEGEND_ROW: f64 = 18.0;
 const LEGEND_ENTRY: f64 = 186.0;
@@ -115,7 +117,7 @@ impl Place {
         match self.scale {
             Scale::Order => Vec::new(),
             Scale::Linear => {
-                let rough = (high - low) / 5.0;
+                let rough = (high - low) / 8.0;
                 let unit = 10f64.powf(rough.log10().floor());
                 let step = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * unit).into_iter().find(|step| *step >= rough);
                 let step = step.unwrap_or(rough);
@@ -129,6 +131,17 @@ impl Place {
                 all.filter(|value| (low..=high).contains(&value.log10())).collect()
             }
         }
+    }
+
+    /// Values between them that are shown and not told.
+    fn between_ticks(&self) -> Vec<f64> {
+        if self.scale != Scale::Log {
+            return Vec::new();
+        }
+        let [low, high] = self.ends;
+        let decades = low.floor() as i32..=high.ceil() as i32;
+        let all = decades.flat_map(|decade| (2..10).map(move |factor| f64::from(factor) * 10f64.powi(decade)));
+        all.filter(|value| (low..=high).contains(&value.log10())).collect()
     }
 }
 
@@ -144,6 +157,12 @@ fn drawn(panel: &Panel, [left, top]: [f64; 2], names: &[&str]) -> String {
     let x = Place::new(panel.x.scale, values(0), [left, right]);
     let y = Place::new(panel.y.scale, values(1), [bottom, inner_top]);
     let mut svg = text([left, top + 17.0], "start", 13.0, &panel.title);
+    for at in x.between_ticks().into_iter().filter_map(|value| x.of(value)) {
+        svg += &line([at, bottom - SHORT], [at, bottom]);
+    }
+    for at in y.between_ticks().into_iter().filter_map(|value| y.of(value)) {
+        svg += &line([left, at], [left + SHORT, at]);
+    }
     for (value, at) in x.ticks().into_iter().filter_map(|value| Some((value, x.of(value)?))) {
         svg += &line([at, inner_top], [at, bottom]);
         svg += &text([at, bottom + 14.0], "middle", 10.0, &told(value));
@@ -235,6 +254,8 @@ mod tests {
         let at = [1.0, 10.0, 100.0, 1000.0].map(|value| place.of(value).expect("above zero"));
         assert!((at[1] - at[0] - 100.0).abs() < 1e-9 && (at[3] - at[2] - 100.0).abs() < 1e-9, "{at:?}");
         assert_eq!((place.of(0.0), place.ticks()), (None, vec![1.0, 10.0, 100.0, 1000.0]));
+        let between = place.between_ticks();
+        assert!(between.contains(&20.0) && between.contains(&900.0) && !between.contains(&10.0), "{between:?}");
         assert_eq!(
             Place::new(Scale::Linear, [20.0, 40.0].into_iter(), [0.0, 1.0]).ticks(),
             [20.0, 25.0, 30.0, 35.0, 40.0]

@@ -18,6 +18,14 @@ pub fn jpeg(pictures: &[(&str, Radiance)]) -> Result<Vec<u8>> {
     let mut values: Vec<f32> = pictures.first().map_or(&[][..], |(_, first)| &first.pixels).as_flattened().to_vec();
     values.sort_by(f32::total_cmp);
     let white = values.get((values.len() as f64 * WHITE_QUANTILE) as usize).copied().unwrap_or(1.0);
+    jpeg_below(white, pictures)
+}
+
+/// The same with white given, as radiance.
+///
+/// # Errors
+/// As [`jpeg`].
+pub fn jpeg_below(white: f32, pictures: &[(&str, Radiance)]) -> Result<Vec<u8>> {
     let display = DisplayParams { exposure_ev: -white.max(f32::MIN_POSITIVE).log2(), ..DisplayParams::default() };
     let print = |(name, picture): &(&str, Radiance)| {
         let bytes = encode(picture, &display);

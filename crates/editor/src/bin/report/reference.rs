@@ -128,6 +128,12 @@ impl Reference {
         quantile(rows.map(|row| self.both(row, column).iter().sum::<f64>() / 2.0).collect())
     }
 
+    /// The mean of both halves, laid out as they are.
+    pub fn mean(&self) -> Vec<f32> {
+        let [a, b] = &self.halves;
+        a.iter().zip(b).map(|(a, b)| 0.5 * (a + b)).collect()
+    }
+
     /// The rows of a bake that are compared, as the reference has them.
     pub fn rows_of(&self, header: &BakeHeader, groups: &[BlockLowRank]) -> Vec<f32> {
         rows_of(&self.pixels, (header, groups), BlockFactors::row)

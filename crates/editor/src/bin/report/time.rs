@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::desk::Desk;
-use super::fit::{secs_between, secs_words, spread_words, tenths};
+use super::fit::{gains_words, secs_between, secs_words, spread, spread_words, tenths};
 use super::plot::{Axis, Panel, Scale, Series};
 
 /// Errors that times are told for, in dB.
@@ -89,6 +89,8 @@ const CLASSES: [&str; 3] = ["single lights", "spots on a panel", "all lights of 
 struct Measured {
     n_cols: usize,
     points: Vec<Point>,
+    /// By class of light, the dB at which the reference ends.
+    ends: [Option<f64>; 3],
 }
 
 impl Measured {
@@ -112,12 +114,12 @@ pub fn write(desk: &Desk) -> Result<String> {
     for subject in subjects(desk) {
         let mut measured: Measured = desk.part("time", subject.name, || {
             let scene = prepared(&subject)?;
-            let points = runs::measure(desk, &subject, &scene)?;
-            Ok(Measured { n_cols: scene.lighting.basis.n_cols(), points })
+            let (points, ends) = runs::measure(desk, &subject, &scene)?;
+            Ok(Measured { n_cols: scene.lighting.basis.n_cols(), points, ends })
         })?;
-        let curve = measured.curve(Way::Fast, 0);
+        let curves = [Way::Fast, Way::Exact].map(|way| measured.curve(way, 0));
         measured.points.extend(desk.part::<Vec<Point>>("time", &format!("{}, further", subject.name), || {
-            runs::further(desk, &subject, &curve)
+            runs::further(desk, &subject, curves.each_ref().map(Vec::as_slice))
         })?);
         scenes.push((subject, measured));
     }
@@ -128,7 +130,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
          references of {} samples per pixel each that are kept between runs, below the square of the reference's 99.5 percentile, told as no less than its standard error; nothing is\n\
          clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the median over all\n\
-         columns, each below its own peak. Shared light is denoised by what its pixels show; traced light is not, as with `--no-denoise`, nor is anything else. Spots: three of them on the first panel, one after the other, and the mean of their dB; a render of one look is that of the first of them. A render of one single light is one of a render per light. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
+         columns, each below its own peak. Shared light is denoised by what its pixels show; traced light is not, as with `--no-denoise`, nor is anything else. Spots: three of them on the first panel, one after the other, and the mean of their dB and, of a render of one look, of their seconds. A render of one single light is one of a render per light. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
         runs::reference_spp(desk),
         desk.load_words(),
     );
@@ -139,8 +141,9 @@ pub fn write(desk: &Desk) -> Result<String> {
         text += &desk.plot(file, &format!("{what}: error against CPU time, by scene"), &panels)?;
         text += &table(&scenes, class);
     }
+    text += &ends(&scenes);
     text += &repeats(&scenes);
-    text += &beside_samples(scenes.iter().map(|(_, measured)| measured.points.as_slice()));
+    text += &beside_samples(scenes.iter().map(|(subject, measured)| (subject.name, measured.points.as_slice())));
     text += &pays(&scenes);
     text += &seconds::write(desk)?;
     Ok(text)
@@ -195,13 +198,14 @@ fn panel(subject: &Subject, measured: &Measured, class: usize) -> Panel {
 fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
     let ways: Vec<&str> = Way::ALL.iter().map(|way| way.name()).collect();
     let mut text = format!(
-        "\nCPU seconds to an error of {}, between measured points; \"<\" and \">\": it was reached before the first point, or would be after the last; \"—\": not measured, \
+        "\nCPU seconds to an error of {}, between measured points; \"<\" and \">\": it was reached before the first point, or would be after the last, which has the dB behind it; \"—\": not measured, \
          as it takes too long. The least of each row in bold, where the points tell which it is{}.\n\n| scene | size | dB | {} |\n|---|---|---|{}\n",
         CLASSES[class],
         if class == 0 { ", a render of one of the lights aside" } else { "" },
         ways.join(" | "),
         "---|".repeat(ways.len()),
     );
+    let (mut ahead, mut n_rows) = ([0; Way::ALL.len()], 0);
     for (subject, measured) in scenes {
         let curves = Way::ALL.map(|way| measured.curve(way, class));
         if curves.iter().all(Vec::is_empty) {
@@ -213,16 +217,35 @@ fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
                 secs[PLAIN] = None;
             }
             let soonest = soonest(secs);
+            n_rows += 1;
+            soonest.into_iter().for_each(|nth| ahead[nth] += 1);
             let cell = |nth: usize| match secs_words(target, &curves[nth]) {
                 words if soonest == Some(nth) => format!("**{words}**"),
-                words => words,
+                words => words + &short_of(target, &curves[nth]),
             };
             let cells: Vec<String> = (0..curves.len()).map(cell).collect();
             let Film { width, height } = subject.film;
             text += &format!("| {} | {width}×{height} | {target:.0} | {} |\n", subject.name, cells.join(" | "));
         }
     }
-    text
+    text + &ahead_words(ahead, n_rows)
+}
+
+/// Which way is the soonest in how many rows.
+fn ahead_words(ahead: [usize; Way::ALL.len()], n_rows: usize) -> String {
+    let mut ways: Vec<(usize, &str)> = ahead.into_iter().zip(Way::ALL.map(Way::name)).filter(|way| way.0 > 0).collect();
+    ways.sort_by_key(|way| std::cmp::Reverse(way.0));
+    let mut told: Vec<String> = ways.iter().map(|(n, name)| format!("{name} in {n}")).collect();
+    told.push(format!("the points do not tell in {}", n_rows - ahead.iter().sum::<usize>()));
+    format!("\nThe soonest of {n_rows} rows: {}.\n", told.join("; "))
+}
+
+/// What the last point has of an error that it does not reach; nothing where it is reached.
+fn short_of(target_db: f64, curve: &[[f64; 2]]) -> String {
+    match (secs_between(target_db, curve), curve.last()) {
+        (Some([_, greatest]), Some([_, db])) if greatest.is_infinite() => format!(" ({db:.1} dB)"),
+        _ => String::new(),
+    }
 }
 
 /// Which of several certainly takes the fewest seconds, given the least and the greatest that each can take.
@@ -232,6 +255,21 @@ fn soonest<const N: usize>(secs: [Option<[f64; 2]>; N]) -> Option<usize> {
         secs[nth].is_some_and(|[_, most]| most.is_finite() && others.all(|[least, _]| most <= least))
     };
     (0..N).find(is_first)
+}
+
+/// How near to the truth errors can be told.
+fn ends(scenes: &[(Subject, Measured)]) -> String {
+    let mut text = format!(
+        "\n### Where the references end\n\n\
+         dB that the mean of both references would be told to have, by its standard error alone: about as far as errors can be told; what is nearer to the truth is told as about that.\n\n\
+         | scene | {} |\n|---|---|---|---|\n",
+        CHAPTERS.map(|(class, ..)| CLASSES[class]).join(" | "),
+    );
+    for (subject, measured) in scenes {
+        let cells = CHAPTERS.map(|(class, ..)| measured.ends[class].map_or("—".into(), |db| format!("{db:.1}")));
+        text += &format!("| {} | {} |\n", subject.name, cells.join(" | "));
+    }
+    text
 }
 
 /// How far bakes and renders of few samples lie apart that differ by their seed alone.
@@ -261,20 +299,25 @@ fn repeats(scenes: &[(Subject, Measured)]) -> String {
 }
 
 /// How much nearer to the truth ours is than the samples that it is made of, in dB.
-fn beside_samples<'a>(scenes: impl Iterator<Item = &'a [Point]>) -> String {
-    let mut gains: [Vec<f64>; 2] = Default::default();
-    for points in scenes {
+fn beside_samples<'a>(scenes: impl Iterator<Item = (&'a str, &'a [Point])>) -> String {
+    let mut gains: [Vec<(String, f64)>; 2] = Default::default();
+    for (name, points) in scenes {
         let of = |way: Way| points.iter().filter(move |point| point.way == way);
         let pairs = of(Way::Exact).flat_map(|ours| of(Way::Dense).map(move |dense| (ours, dense)));
         for (ours, dense) in pairs.filter(|(ours, dense)| (ours.spp, ours.seed) == (dense.spp, dense.seed)) {
+            let row = format!("`{name}`, {} samples, seed {}", ours.spp.unwrap_or(0), ours.seed);
             for (gains, class) in gains.iter_mut().zip([0, 2]) {
-                gains.extend(ours.db[class].zip(dense.db[class]).map(|(ours, dense)| ours - dense));
+                let gain = ours.db[class].zip(dense.db[class]).map(|(ours, dense)| ours - dense);
+                gains.extend(gain.map(|gain| (row.clone(), gain)));
             }
         }
     }
-    let [single, all] = gains.map(tenths);
+    let [single, all] = gains.map(|gains| {
+        let spread = tenths(gains.iter().map(|(_, gain)| *gain).collect());
+        format!("{spread}, {}", gains_words(&gains))
+    });
     format!(
-        "\nBeside the very samples that it is made of, ours with traced light has so many dB more, median (least…greatest) over all scenes, samples and seeds: {single} of single lights, {all} of all lights of the file.\n"
+        "\nBeside the very samples that it is made of, ours with traced light, not denoised, has so many dB more, median (least…greatest) over all scenes, samples and seeds, and aimed at is never less: of single lights {single}; of all lights of the file {all}.\n"
     )
 }
 
@@ -287,22 +330,42 @@ fn pays(scenes: &[(Subject, Measured)]) -> String {
          would have after the last; \"—\": nothing follows from them.\n\n\
          | scene | dB | ours, indirect light shared | ours, indirect light traced | matrix, not compressed | a render per light |\n|---|---|---|---|---|---|\n",
     );
+    let mut most: [Vec<f64>; 2] = Default::default();
     for (subject, measured) in scenes {
         for target in TARGETS_DB {
             let secs = |way: Way| secs_between(target, &measured.curve(way, 2));
+            for (most, way) in most.iter_mut().zip([Way::Fast, Way::Exact]) {
+                most.extend(secs(way).zip(secs(Way::Plain)).and_then(|(bake, render)| most_looks(bake, render)));
+            }
             let looks = |way: Way| looks_words(secs(way)?, secs(Way::Plain)?);
             let looks = |way: Way| looks(way).unwrap_or_else(|| "—".into());
             let cells = [Way::Fast, Way::Exact, Way::Dense, Way::Renders].map(looks);
             text += &format!("| {} | {target:.0} | {} |\n", subject.name, cells.join(" | "));
         }
     }
-    text
+    let n_rows = TARGETS_DB.len() * scenes.len();
+    let [shared, traced] = most.map(|most| {
+        let [least, median, greatest] = spread(&most);
+        if most.is_empty() {
+            return format!("in none of {n_rows} rows");
+        }
+        format!("{median:.0} ({least:.0}…{greatest:.0}) in {} of {n_rows} rows", most.len())
+    });
+    text + &format!(
+        "\nWhere a most follows from the points, a bake of ours has paid for itself after so many looks, median (least…greatest): {shared} with indirect light shared, {traced} with it traced.\n"
+    )
+}
+
+/// The most looks that a bake costs, given the same; nothing where there is no most.
+fn most_looks(bake: [f64; 2], render: [f64; 2]) -> Option<f64> {
+    let looks = (bake[1] / render[0]).ceil();
+    looks.is_finite().then_some(looks)
 }
 
 /// So many looks that a bake costs, given the least and the greatest seconds of the bake and of a render; nothing where all is possible.
 fn looks_words(bake: [f64; 2], render: [f64; 2]) -> Option<String> {
     let [least, greatest] = [bake[0] / render[1], bake[1] / render[0]];
-    match (least == greatest, greatest.is_finite(), least > 0.0) {
+    match (least == greatest, greatest.is_finite(), least >= 1.0) {
         (true, ..) => Some(format!("{:.0}", greatest.ceil())),
         (_, true, _) => Some(format!("≤ {:.0}", greatest.ceil())),
         (_, _, true) => Some(format!("> {:.0}", least.floor())),
@@ -331,16 +394,26 @@ mod tests {
         ];
         let film = Film { width: 4, height: 3 };
         let subject = Subject { name: "hall", path: PathBuf::new(), sky: None, film, step: 1 };
-        let scenes = [(subject, Measured { n_cols: 1, points })];
+        let scenes = [(subject, Measured { n_cols: 1, points, ends: [Some(30.0), None, Some(45.25)] })];
+        assert!(ends(&scenes).ends_with("\n| hall | 30.0 | 45.2 | — |\n"), "{}", ends(&scenes));
         let rows = table(&scenes, 2);
         assert!(rows.contains("| hall | 4×3 | 30 | 4.0 | — | — | — | **0.40** |"), "{rows}");
+        assert!(
+            rows.ends_with("The soonest of 2 rows: a render of one look in 2; the points do not tell in 0.\n"),
+            "{rows}"
+        );
         assert!(!table(&scenes, 0).contains("hall"), "no single lights were measured");
+        let curve = [[1.0, 20.0], [103.0, 21.6]];
+        assert_eq!([21.0, 30.0].map(|db| short_of(db, &curve)), ["", " (21.6 dB)"]);
         let mut points = scenes[0].1.points.clone();
         points.extend([Point { db: [Some(20.0), None, Some(30.0)], ..point(Way::Exact, 9.0, 0.0) }]);
         points.extend([Point { db: [Some(19.5), None, Some(30.5)], ..point(Way::Dense, 8.0, 0.0) }]);
-        let words = beside_samples([points.as_slice()].into_iter());
-        assert!(words.contains(": 0.5 of single lights, -0.5 of all lights"), "{words}");
+        let words = beside_samples([("hall", points.as_slice())].into_iter());
+        assert!(words.contains("of single lights 0.5, kept: +0.5 dB at worst (`hall`, 4 samples, seed 1);"), "{words}");
+        assert!(words.contains("of the file -0.5, missed: -0.5 dB at worst (`hall`, 4 samples, seed 1)."), "{words}");
         assert!(pays(&scenes).contains("| hall | 30 | 10 | — | — | — |"), "{}", pays(&scenes));
+        let words = " in 2 of 2 rows with indirect light shared, in none of 2 rows with it traced.\n";
+        assert!(pays(&scenes).ends_with(words), "{}", pays(&scenes));
         let endless = f64::INFINITY;
         assert_eq!(soonest([Some([4.0, 4.0]), None, Some([3.0, endless])]), None, "the last may take 3 or 300");
         assert_eq!(soonest([Some([0.0, 1.4]), Some([1.7, 1.7])]), Some(0));
@@ -350,5 +423,6 @@ mod tests {
         assert_eq!(looks([0.0, 1.4], [0.5, 0.5]), "≤ 3", "the first point is good enough");
         assert_eq!(looks([70.0, endless], [20.0, 20.0]), "> 3");
         assert_eq!(looks([70.0, endless], [20.0, endless]), "");
+        assert_eq!(looks([7.0, endless], [20.0, 20.0]), "", "more than none says nothing");
     }
 }

@@ -42,6 +42,8 @@ pub struct Place {
     pub in_worst: Option<f64>,
     /// PSNR of the whole picture, and of the noise of its references, dB.
     pub psnr_db: [f64; 2],
+    /// The same of the lamp's light alone, direct and indirect.
+    pub lamp_psnr_db: f64,
 }
 
 /// Pixels that count as the worst.
@@ -102,7 +104,15 @@ impl Pictures<'_> {
             energy: found / there,
             in_worst: (off > 0.0).then(|| of_worst / off),
             psnr_db: self.psnr_db(),
+            lamp_psnr_db: self.lamp_psnr_db(),
         }
+    }
+
+    fn lamp_psnr_db(&self) -> f64 {
+        let n = self.of_patches.len();
+        let squares: f64 = (0..n).map(|at| self.off(at)).map(|[a, b]| a * b).sum();
+        let both = |at: usize| 0.5 * [0, 1].map(|half| f64::from(self.references[half][at])).iter().sum::<f64>();
+        decibels(quantile((0..n).map(both).collect()), squares / n as f64)
     }
 
     fn psnr_db(&self) -> [f64; 2] {
@@ -206,6 +216,9 @@ mod tests {
         assert!((l2 - ((worst + rest) / 400.0f64).sqrt()).abs() < 1e-6, "{l2}");
         assert!((without - 0.1).abs() < 1e-6, "{without}");
         assert!((place.in_worst.unwrap() - worst / (worst + rest)).abs() < 1e-6, "{place:?}");
+        // The file is dark, so that its picture is that of the lamp.
+        assert!((place.lamp_psnr_db - decibels(1.0, (worst + rest) / 400.0)).abs() < 1e-4, "{place:?}");
+        assert_eq!(place.lamp_psnr_db, place.psnr_db[0]);
     }
 
     #[test]

@@ -150,12 +150,13 @@ impl Told {
 
     pub fn add_places(&mut self, name: &str, places: &[Place]) {
         for (nth, place) in places.iter().enumerate() {
-            let seen = place.l2.map_or("drowned | | | ".into(), |[l2, _]| {
+            let seen = place.l2.map_or("drowned | | | | ".into(), |[l2, _]| {
                 let in_worst = place.in_worst.map_or("—".into(), |share| format!("{:.0} %", 100.0 * share));
-                format!("{} | {:.3} | {in_worst} | {}", percent(l2), place.energy, decibels(place.psnr_db[0]))
+                let [whole, alone] = [place.psnr_db[0], place.lamp_psnr_db].map(decibels);
+                format!("{} | {:.3} | {in_worst} | {whole} | {alone}", percent(l2), place.energy)
             });
-            self.places +=
-                &format!("| {name} | {} | {:.2} m | {} | {seen} |\n", nth + 1, place.height_m, percent(place.noise));
+            let noise = if place.noise.is_finite() { percent(place.noise) } else { "no light".into() };
+            self.places += &format!("| {name} | {} | {:.2} m | {noise} | {seen} |\n", nth + 1, place.height_m);
         }
     }
 
@@ -179,8 +180,9 @@ impl Told {
             | of patches | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n{}\n\
             ### Place by place, {DEFAULT_PATCHES} patches\n\n\
             *In the worst* is the share of the squared error that stands in these {:.1} % of the pixels; a share of more than all says that the others \
-            have less than no error beside noise.\n\n\
-            | scene | place | height above the nearest surface | noise | L2 | energy | in the worst | PSNR |\n|---|---|---|---|---|---|---|---|\n{}\n\
+            have less than no error beside noise. *Alone* is the PSNR of the lamp's light without that of the file, direct and indirect. \
+            *No light*: the traced pictures have no indirect light that their noise does not account for.\n\n\
+            | scene | place | height above the nearest surface | noise | L2 | energy | in the worst | PSNR | alone |\n|---|---|---|---|---|---|---|---|---|\n{}\n\
             ### Goals, {DEFAULT_PATCHES} patches\n\n\
             Kept where the median keeps it; behind it how many of all do. *Exchanged* are point, spot and directional lamps of the file whose place free ones of the same light take (*Make movable*), one at a time: \
             the picture of the file against the same with its baked column, whose noise counts. *Bake of patches* is learning and walks over all else in CPU seconds, of a bake {wide} pixels wide \
@@ -218,14 +220,17 @@ mod tests {
             energy: 1.0,
             in_worst: Some(0.5),
             psnr_db: [40.0, 50.0],
+            lamp_psnr_db: 32.5,
         };
         let drowned = Place { l2: None, noise: 9.0, psnr_db: [-7.0, -3.0], ..place };
+        let dark = Place { noise: f64::INFINITY, ..drowned };
         let goals = Goals::of(&[place, drowned], Vec::new());
         assert_eq!((goals.l2, goals.psnr_db), (vec![0.04], vec![40.0]));
         let mut told = Told::default();
-        told.add_places("room", &[place, drowned]);
-        let rows = "| room | 1 | 0.50 m | 10.0 % | 4.0 % | 1.000 | 50 % | 40.0 dB |\n\
-            | room | 2 | 0.50 m | 900.0 % | drowned | | |  |\n";
+        told.add_places("room", &[place, drowned, dark]);
+        let rows = "| room | 1 | 0.50 m | 10.0 % | 4.0 % | 1.000 | 50 % | 40.0 dB | 32.5 dB |\n\
+            | room | 2 | 0.50 m | 900.0 % | drowned | | | |  |\n\
+            | room | 3 | 0.50 m | no light | drowned | | | |  |\n";
         assert_eq!(told.places, rows);
     }
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use clerestory::compare::compare;
+use clerestory::compare::{compare, white_level};
 use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
 use clerestory_transport::camera::Film;
@@ -22,7 +22,7 @@ use crate::desk::Desk;
 use crate::errors::psnr_db;
 use crate::methods::dense::Picture;
 use crate::methods::planes::Planes;
-use crate::prints::{averaged, difference, jpeg};
+use crate::prints::{averaged, difference, jpeg_below};
 use crate::reference::uncompressed;
 use crate::rendered::rendered;
 
@@ -76,7 +76,7 @@ fn measured(desk: &Desk, path: &Path) -> Result<(String, Vec<u8>)> {
     let [of_ours, of_full, of_denoised] = [&shown, &full, &denoised].map(|picture| psnr_db(picture, [&a, &b]));
     let of_trace = compare(&a, &b)?.psnr_db.unwrap_or(f64::INFINITY);
     let side = desk.choose(1, 4);
-    let apart = difference(&shown, &full, AMPLIFIED);
+    let (apart, white) = (difference(&shown, &full, AMPLIFIED), white_level(&full) as f32);
     let pictures = [("full matrix", full), ("ours", shown), ("difference, ten times", apart)];
     let text = format!(
         "\n### A room of twenty lights\n\n\
@@ -84,10 +84,10 @@ fn measured(desk: &Desk, path: &Path) -> Result<(String, Vec<u8>)> {
          in turn after one that does not count. Both matrices are of the same samples, ours asked for {TOLERANCE_DB} dB and not denoised; the mean PSNR of the frames against the\n\
          full matrix is {of_frames:.1} dB, noise that ours did not keep included. Beside two path-traced pictures of {trace_spp} samples each (seeds {} and {}), whose noise does not\n\
          count, the last frame of ours has {of_ours:.1} dB, that of the full matrix {of_full:.1} dB, and that of the same bake denoised, as bakes are by default, {of_denoised:.1} dB; the two\n\
-         beside each other have {of_trace:.1} dB. Below, each pixel is the mean of {side} × {side}, and all pictures are exposed alike.\n\n{table}",
+         beside each other have {of_trace:.1} dB. Below, each pixel is the mean of {side} × {side}, and all pictures are exposed to four times the median luminance of the full matrix.\n\n{table}",
         film.width, film.height, TRACE_SEEDS[0], TRACE_SEEDS[1],
     );
-    Ok((text, jpeg(&pictures.map(|(name, picture)| (name, averaged(&picture, side))))?))
+    Ok((text, jpeg_below(white, &pictures.map(|(name, picture)| (name, averaged(&picture, side))))?))
 }
 
 fn job(scene: &Arc<PreparedScene>, film: Film, spp: u32) -> BakeJob {

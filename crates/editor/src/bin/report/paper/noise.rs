@@ -15,6 +15,7 @@ use super::beside::mean_psnr_db;
 use super::lights::lights;
 use super::{SEED, approximated, sampling};
 use crate::desk::Desk;
+use crate::fit::gains_words;
 use crate::matrix::baked;
 use crate::methods::dense::Picture;
 use crate::methods::own;
@@ -29,6 +30,8 @@ const TOLERANCE_DB: f32 = 40.0;
 /// Of all that is held against the reference, which has the usual one.
 const OTHER_SEED: u64 = SEED + 1;
 const NAMES: [&str; 5] = ["as sampled", "kernel", "ours", "a bake as by default", "a bake, `--fast`"];
+/// Of these, what is made of the samples: none should be worse.
+const OURS: [usize; 3] = [2, 3, 4];
 /// Pixels on the page, across and down, that show one.
 const ENLARGED: usize = 4;
 
@@ -49,12 +52,16 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     let (spp, reference_spp): (&[u32], u32) = desk.choose((&[2, 8], 32), (&[2, 8, 32, 128], 256));
     let scenes: &[&str] = desk.choose(&["caustics"], &["diffuse", "reflections", "caustics"]);
     let (mut panels, mut rows, mut sheets) = (Vec::new(), String::new(), String::new());
+    let mut gains: [Vec<(String, f64)>; OURS.len()] = Default::default();
     for name in scenes {
         let part = || measured(desk, name, spp, reference_spp);
         let Measured { curves, sheet } = desk.part("paper", &format!("noise-{name}"), part)?;
         for (spp, dbs) in spp.iter().zip(&curves) {
             let words = dbs.map(|db| db.map_or("singular".into(), |db| format!("{db:.1}")));
             rows += &format!("| {name} | {} | {} |\n", 2 * spp, words.join(" | "));
+            for (gains, way) in gains.iter_mut().zip(OURS) {
+                gains.extend(gain(dbs, way).map(|gain| (format!("{name}, {} samples", 2 * spp), gain)));
+            }
         }
         let series = (0..NAMES.len()).map(|way| Series {
             name: NAMES[way].replace('`', ""),
@@ -70,19 +77,29 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         let words = format!("{name} under a small spot, converged and with {} samples per pixel", 2 * spp[1]);
         sheets += &desk.show(&format!("paper-noise-{name}.jpg"), &words, &sheet)?;
     }
+    let gains: Vec<String> =
+        OURS.iter().zip(&gains).map(|(way, gains)| format!("{} {}", NAMES[*way], gains_words(gains))).collect();
     Ok(format!(
         "\n### Noise\n\n\
          PSNR in dB of matrices of few samples: as sampled, after Nyström's method on powers of the entries at rank {RANK} (`kernel`), and after ours, which is told\n\
          both halves, block by block. Then what bakes of as many samples give, whose blocks tell each other, too: as they are made by default, and with\n\
          `--fast`, indirect light shared between pixels; blocks that reach the {TOLERANCE_DB} dB that ours and bakes are asked for take fewer. All have seed {OTHER_SEED}, and lights that are seen left out. They are held against two references of {reference_spp} samples\n\
          per pixel each (both halves of seed {SEED}): the mean of (x − a)(x − b) of the clipped values, told as no less than its standard error, so that noise of the\n\
-         references does not count. 256 texels. The pictures have {} samples per pixel and one small spot; each pixel is shown as {ENLARGED} × {ENLARGED}.\n{}\n\
+         references does not count. 256 texels. Aimed at is never to be worse than as sampled, told of the rows in which that is below {TOLERANCE_DB} dB, as bakes of the others stop sooner: {}.\n\
+         The pictures have {} samples per pixel and one small spot; each pixel is shown as {ENLARGED} × {ENLARGED}.\n{}\n\
          | scene | samples per pixel | {} |\n|---|---|{}\n{rows}{sheets}",
+        gains.join("; "),
         2 * spp[1],
         desk.plot("paper-noise", "PSNR against samples per pixel, by scene", &panels)?,
         NAMES.join(" | "),
         "---|".repeat(NAMES.len()),
     ))
+}
+
+/// How many dB more a way has than the samples; nothing where these reach what it stops at.
+fn gain(dbs: &[Option<f64>; NAMES.len()], way: usize) -> Option<f64> {
+    let (sampled, found) = dbs[0].zip(dbs[way])?;
+    (sampled < f64::from(TOLERANCE_DB)).then_some(found - sampled)
 }
 
 fn measured(desk: &Desk, name: &str, spp: &[u32], reference_spp: u32) -> Result<Measured> {
@@ -150,6 +167,13 @@ mod tests {
     use super::*;
     use crate::methods::dense::CHANNELS;
     use crate::rendered::as_in_file;
+
+    #[test]
+    fn gains_are_those_over_samples_that_do_not_reach_the_tolerance() {
+        let dbs = |sampled: f64| [Some(sampled), None, Some(29.0), Some(31.0), Some(32.0)];
+        assert_eq!(OURS.map(|way| gain(&dbs(30.0), way)), [Some(-1.0), Some(1.0), Some(2.0)]);
+        assert_eq!((gain(&dbs(30.0), 1), gain(&dbs(41.0), 2)), (None, None));
+    }
 
     #[test]
     fn entries_of_a_bake_under_the_light_of_the_file_are_its_picture() {

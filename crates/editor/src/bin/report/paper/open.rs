@@ -7,10 +7,11 @@ use serde_json::{Value, json};
 
 use crate::desk::{Desk, clerestory, number};
 use crate::errors::pictures_beside_two;
+use crate::fit::{spread, tenths};
 use crate::prints::jpeg;
 
-/// Of the bake, and of both traced pictures.
-const BAKE_SEED: &str = "1";
+/// Of bakes, and of both traced pictures.
+const BAKE_SEEDS: [&str; 3] = ["1", "2", "3"];
 const TRACE_SEEDS: [&str; 2] = ["7", "8"];
 /// Turns of the sky in degrees.
 const TURNS_DEG: [u32; 3] = [0, 90, 200];
@@ -30,11 +31,16 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
 /// The text, and the bytes of the sheet.
 fn measured(desk: &Desk, scene: &str, sky: &str) -> Result<(String, Vec<u8>)> {
     let (size, spp, trace_spp) = desk.choose(("64x48", "8", "64"), ("128x96", "64", "512"));
-    let transport = desk.file("open.transport");
-    desk.say("baking a building under a measured sky");
-    let bake = ["bake", scene, "-o", &transport, "--sky", sky, "--size", size, "--spp", spp, "--seed", BAKE_SEED];
-    let baked = clerestory(&[&bake[..], &["--fresh", "--json"]].concat())?;
-    let told = clerestory(&["info", &transport, "--json"])?;
+    let (mut transports, mut bake_secs) = (Vec::new(), Vec::new());
+    for &seed in &BAKE_SEEDS[..desk.choose(1, BAKE_SEEDS.len())] {
+        let transport = desk.file(&format!("open-{seed}.transport"));
+        desk.say(&format!("baking a building under a measured sky, seed {seed}"));
+        let bake = ["bake", scene, "-o", &transport, "--sky", sky, "--size", size, "--spp", spp, "--seed", seed];
+        let baked = clerestory(&[&bake[..], &["--fresh", "--json"]].concat())?;
+        bake_secs.push(number(&baked, "/bake_secs"));
+        transports.push(transport);
+    }
+    let told = clerestory(&["info", &transports[0], "--json"])?;
     let keys = told.pointer("/lights").and_then(Value::as_array).context("no lights")?;
     let lamps = keys.iter().filter_map(Value::as_str).filter(|key| *key != "sky");
     let off: serde_json::Map<String, Value> = lamps.map(|key| (key.into(), json!({ "intensity": 0 }))).collect();
@@ -42,46 +48,82 @@ fn measured(desk: &Desk, scene: &str, sky: &str) -> Result<(String, Vec<u8>)> {
     for turn in TURNS_DEG {
         let look = desk.file("open.look");
         std::fs::write(&look, json!({ "clerestory": 1, "lights": off, "sky": { "rotation_deg": turn } }).to_string())?;
-        let relit = desk.file("open-relit.exr");
         desk.say(&format!("the building with its sky turned by {turn}°"));
         let options = ["--look", &look, "--json"];
-        clerestory(&[&["relight", &transport, "-o", &relit, "--device", "cpu"][..], &options].concat())?;
+        let mut relit = Vec::new();
+        for transport in &transports {
+            let file = desk.file("open-relit.exr");
+            clerestory(&[&["relight", transport, "-o", &file, "--device", "cpu"][..], &options].concat())?;
+            relit.push(read_exr(file.as_ref())?);
+        }
         let traced = |seed: &str| {
             let file = desk.file("open-traced.exr");
             let trace = ["trace", scene, "-o", &file, "--sky", sky, "--size", size, "--spp", trace_spp, "--seed", seed];
             clerestory(&[&trace[..], &options].concat())?;
             read_exr(file.as_ref())
         };
-        let (shown, traced) = (read_exr(relit.as_ref())?, [traced(TRACE_SEEDS[0])?, traced(TRACE_SEEDS[1])?]);
-        let moved = compare(&shown, first.get_or_insert_with(|| shown.clone()))?.psnr_db;
-        let moved = moved.map_or("the same".into(), |db| format!("{db:.1}"));
-        let percent_off = |channel: usize| {
-            let mean = |picture: &Radiance| picture.pixels.iter().map(|rgb| f64::from(rgb[channel])).sum::<f64>();
-            format!("{:+.1}", 100.0 * (2.0 * mean(&shown) / (mean(&traced[0]) + mean(&traced[1])) - 1.0))
-        };
-        let (own, of_trace) = (db(&shown, &traced), db(&traced[0], &[shown.clone(), traced[1].clone()]));
-        let colors = [0, 1, 2].map(percent_off).join(" / ");
-        rows += &format!("| {turn}° | {own} | {of_trace} | {colors} | {moved} |\n");
+        let traced = [traced(TRACE_SEEDS[0])?, traced(TRACE_SEEDS[1])?];
+        let row = row(&relit, &traced, first.get_or_insert_with(|| relit[0].clone()))?;
+        rows += &format!("| {turn}° | {row} |\n");
         if turn != TURNS_DEG[1] {
             let [traced, _] = traced;
-            pictures.extend([("traced", traced), ("relit", shown)]);
+            pictures.extend([(format!("traced, {turn}°"), traced), (format!("relit, {turn}°"), relit.swap_remove(0))]);
         }
     }
     let text = format!(
         "\n### A building under a measured sky\n\n\
-         `sponza-dabrovic` under `vestibule_1k.hdr`, {} columns, {size} pixels, {spp} samples per pixel (seed {BAKE_SEED}) in {:.1} s, {:.2} MB in the file; then its lamp is turned off and the sky is\n\
+         `sponza-dabrovic` under `vestibule_1k.hdr`, {} columns, {size} pixels, {spp} samples per pixel (seed {}) in {} s, {:.2} MB in the first file; then its lamp is turned off and the sky is\n\
          turned. Beside it path-traced pictures a and b under the same sky, {trace_spp} samples each (seeds {}). The error of the relit picture x is the mean of (x − a)(x − b), that of a traced one\n\
-         the mean of (a − x)(a − b), below the square of the 99.5 percentile; neither counts the noise of what it is held against.\n\n\
+         the mean of (a − x)(a − b), below the square of the 99.5 percentile; neither counts the noise of what it is held against. All with median (least…greatest) of the bakes; ± is the standard error\n\
+         of the traced means. The sky as it was baked has a column of its own, a turned one is made of patches about 12° wide: what of a patch gets in through an opening depends on where in it\n\
+         the light stands, so that a turned sky is only as right as its patches are ([decision 0025](decisions/0025-the-baked-sky-has-a-column-of-its-own.md)).\n\n\
          | turned by | relit, dB | traced, dB | means off, R / G / B, % | against the first relit picture, PSNR, dB |\n|---|---|---|---|---|\n{rows}",
         number(&told, "/columns"),
-        number(&baked, "/bake_secs"),
+        BAKE_SEEDS[..transports.len()].join(", "),
+        tenths(bake_secs),
         number(&told, "/file_bytes") / 1e6,
         TRACE_SEEDS.join(" and "),
     );
+    let pictures: Vec<_> = pictures.iter().map(|(name, picture)| (name.as_str(), Radiance::clone(picture))).collect();
     Ok((text, jpeg(&pictures)?))
 }
 
-/// How far a picture is off two pictures whose noise is their own.
-fn db(picture: &Radiance, [a, b]: &[Radiance; 2]) -> String {
-    pictures_beside_two(picture, [a, b]).map_or("within noise".into(), |db| format!("{db:.1}"))
+/// What is told of one sky, relit from each bake.
+fn row(relit: &[Radiance], traced: &[Radiance; 2], first: &Radiance) -> Result<String> {
+    let [a, b] = traced;
+    let db = |x: &Radiance, beside: [&Radiance; 2]| pictures_beside_two(x, beside).context("a picture has pixels");
+    let own = relit.iter().map(|x| db(x, [a, b])).collect::<Result<Vec<f64>>>()?;
+    let of_trace = relit.iter().map(|x| db(a, [x, b])).collect::<Result<Vec<f64>>>()?;
+    let moved = compare(&relit[0], first)?.psnr_db.map_or("the same".into(), |db| format!("{db:.1}"));
+    let colors = [0, 1, 2].map(|channel| means_off(relit, traced, channel)).join(" / ");
+    Ok(format!("{} | {} | {colors} | {moved}", tenths(own), tenths(of_trace)))
+}
+
+/// How far the means of one channel are off those of both traced pictures in %, and the standard error of these.
+fn means_off(relit: &[Radiance], [a, b]: &[Radiance; 2], channel: usize) -> String {
+    let sum = |picture: &Radiance| picture.pixels.iter().map(|rgb| f64::from(rgb[channel])).sum::<f64>();
+    let both = sum(a) + sum(b);
+    let off: Vec<f64> = relit.iter().map(|x| 100.0 * (2.0 * sum(x) / both - 1.0)).collect();
+    let [least, median, greatest] = spread(&off);
+    let apart = |(a, b): (&[f32; 3], &[f32; 3])| (f64::from(a[channel]) - f64::from(b[channel])).powi(2);
+    let squares: f64 = a.pixels.iter().zip(&b.pixels).map(apart).sum();
+    format!("{median:+.1} ({least:+.1}…{greatest:+.1}) ± {:.1}", 100.0 * squares.sqrt() / both)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_are_told_with_the_spread_of_bakes_and_the_noise_of_what_they_are_held_against() {
+        let picture = |of: &dyn Fn(usize) -> f32| Radiance {
+            width: 100,
+            height: 1,
+            pixels: (0..100).map(|nth| [of(nth); 3]).collect(),
+        };
+        // A fifth apart in each of a hundred pixels, 1 in the mean.
+        let traced = [0, 1].map(|half| picture(&|nth| if nth % 2 == half { 1.1 } else { 0.9 }));
+        let relit = [1.1, 1.05, 1.2].map(|level| picture(&|_| level));
+        assert_eq!(means_off(&relit, &traced, 1), "+10.0 (+5.0…+20.0) ± 1.0");
+    }
 }

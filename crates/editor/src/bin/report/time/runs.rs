@@ -24,8 +24,10 @@ const SPP: [u32; 6] = [1, 4, 16, 64, 256, 1024];
 const MOST_BAKED: [f64; 2] = [5e4, 3.2e6];
 const MOST_TRACED: [f64; 2] = [4e5, 4e7];
 const MOST_PLAIN: [f64; 2] = [4e5, 5.2e7];
-/// The same for shared light that has not come to the dB of its last point yet.
+/// The same for the way of ours that is ahead, where it has not come to the greatest dB yet.
 const MOST_FURTHER: [f64; 2] = [0.0, 1.3e7];
+/// Ways of ours, and how each one takes indirect light.
+const OURS: [(Way, Indirect); 2] = [(Way::Fast, Indirect::Shared), (Way::Exact, Indirect::Traced)];
 /// Middles of the spots on a panel, and their radius in its shorter sides.
 const SPOTS: [[f32; 2]; 3] = [[0.5, 0.5], [0.2, 0.7], [0.85, 0.25]];
 const SPOT_RADIUS: f32 = 0.15;
@@ -61,6 +63,11 @@ impl Judge {
         [self.reference.errors(rows).median_db(), spots.and_then(mean), picture(&self.full)]
     }
 
+    /// What the mean of both references would be told to have, by its standard error alone: nothing nearer can be told apart.
+    fn ends(&self) -> [Option<f64>; 3] {
+        self.of_rows(&self.reference.mean())
+    }
+
     pub(super) fn of_bake(&self, header: &BakeHeader, groups: &[BlockLowRank]) -> [Option<f64>; 3] {
         self.of_rows(&self.reference.rows_of(header, groups))
     }
@@ -91,8 +98,13 @@ fn spots(basis: &LightBasis) -> Vec<Vec<[f32; 3]>> {
     SPOTS.into_iter().map(light).collect()
 }
 
-/// All points of a scene; those of one number of samples one after the other, so that other work on the machine meets all ways.
-pub(super) fn measure(desk: &Desk, subject: &Subject, scene: &Arc<PreparedScene>) -> Result<Vec<Point>> {
+/// All points of a scene; those of one number of samples one after the other, so that other work on the machine meets all ways. And the
+/// dB at which its reference ends.
+pub(super) fn measure(
+    desk: &Desk,
+    subject: &Subject,
+    scene: &Arc<PreparedScene>,
+) -> Result<(Vec<Point>, [Option<f64>; 3])> {
     let judge = Judge::new(desk, subject, scene)?;
     desk.say(&format!("previewing {}", subject.name));
     let mut points = preview(subject, scene, &judge)?;
@@ -104,8 +116,8 @@ pub(super) fn measure(desk: &Desk, subject: &Subject, scene: &Arc<PreparedScene>
         let n_seeds = if spp == REPEATED_SPP { SEEDS.len() } else { 1 };
         for taken in SEEDS[..n_seeds].iter().map(|&seed| Taken { spp, seed }) {
             if spp > 1 && samples <= baked {
-                for (way, indirect) in [(Way::Fast, Indirect::Shared), (Way::Exact, Indirect::Traced)] {
-                    points.push(ours(subject, scene, &judge, (way, indirect), taken)?);
+                for way in OURS {
+                    points.push(ours(subject, scene, &judge, way, taken)?);
                 }
                 points.push(dense(subject, scene, &judge, taken)?);
             }
@@ -117,14 +129,16 @@ pub(super) fn measure(desk: &Desk, subject: &Subject, scene: &Arc<PreparedScene>
             }
         }
     }
-    Ok(points)
+    Ok((points, judge.ends()))
 }
 
-/// More points of shared light, on from the last (CPU seconds, dB of single lights) until the greatest error that is asked about.
-pub(super) fn further(desk: &Desk, subject: &Subject, curve: &[[f64; 2]]) -> Result<Vec<Point>> {
+/// More points of the way of ours that is ahead, on from the last of each (CPU seconds, dB of single lights) until the greatest error
+/// that is asked about.
+pub(super) fn further(desk: &Desk, subject: &Subject, curves: [&[[f64; 2]]; 2]) -> Result<Vec<Point>> {
     let (n_pixels, most) = (subject.film.n_pixels() as f64, desk.choose(MOST_FURTHER[0], MOST_FURTHER[1]));
     let new = |spp: &u32| desk.choose(MOST_BAKED[0], MOST_BAKED[1]) < n_pixels * f64::from(*spp);
-    let mut reached = curve.last().map(|[_, db]| *db);
+    let [shared, traced] = curves.map(|curve| curve.last().map(|[_, db]| *db));
+    let (ahead, mut reached) = if traced > shared { (OURS[1], traced) } else { (OURS[0], shared) };
     let (mut points, mut at_hand) = (Vec::new(), None);
     for spp in SPP.into_iter().filter(new).take_while(|spp| n_pixels * f64::from(*spp) <= most) {
         if reached.is_none_or(|db| TARGETS_DB.iter().all(|target| *target <= db)) {
@@ -138,9 +152,9 @@ pub(super) fn further(desk: &Desk, subject: &Subject, curve: &[[f64; 2]]) -> Res
                 (scene, judge)
             }
         };
-        desk.say(&format!("{} with {spp} samples per pixel, light shared", subject.name));
+        desk.say(&format!("{} with {spp} samples per pixel, {}", subject.name, ahead.0.name()));
         let taken = Taken { spp, seed: SEEDS[0] };
-        let point = ours(subject, &scene, &judge, (Way::Fast, Indirect::Shared), taken)?;
+        let point = ours(subject, &scene, &judge, ahead, taken)?;
         reached = point.db[0];
         points.push(point);
         at_hand = Some((scene, judge));
@@ -222,17 +236,19 @@ fn renders(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, taken: 
     Ok(taken.point(Way::Renders, cpu_secs, judge.of_rows(&rows)))
 }
 
-/// One picture of a look: of all lights of the file, and of the first spot.
+/// One picture of a look: of all lights of the file, and of a spot, the mean of all spots.
 fn plain(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, taken: Taken) -> Result<Vec<Point>> {
-    let mut points = Vec::new();
-    for (class, light) in [(2, Some(&judge.full)), (1, judge.spots.first())] {
-        let Some(light) = light else { continue };
+    let picture = |light: &Vec<[f32; 3]>| {
         let begun = process_cpu_secs()?;
         let picture = traced(subject, scene, light, taken)?;
-        let cpu_secs = process_cpu_secs()? - begun;
-        let mut db = [None; 3];
-        db[class] = judge.of_picture(light, &picture);
-        points.push(taken.point(Way::Plain, cpu_secs, db));
+        Ok::<_, anyhow::Error>((process_cpu_secs()? - begun, judge.of_picture(light, &picture)))
+    };
+    let (cpu_secs, db) = picture(&judge.full)?;
+    let mut points = vec![taken.point(Way::Plain, cpu_secs, [None, None, db])];
+    let spots = judge.spots.iter().map(picture).collect::<Result<Vec<_>>>()?;
+    if let Some(cpu_secs) = mean(spots.iter().map(|(cpu_secs, _)| *cpu_secs).collect()) {
+        let db: Option<Vec<f64>> = spots.iter().map(|(_, db)| *db).collect();
+        points.push(taken.point(Way::Plain, cpu_secs, [None, db.and_then(mean), None]));
     }
     Ok(points)
 }

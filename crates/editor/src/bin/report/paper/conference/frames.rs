@@ -108,17 +108,18 @@ fn millis(work: impl FnOnce() -> Result<()>) -> Result<f64> {
 fn table(ways: &[Way], memory: f64) -> String {
     let row = |way: &Way| {
         let millis = median(&way.millis).unwrap_or(f64::NAN);
-        let [megabytes, rate] = way.n_bytes.map_or(["—".into(), "—".into()], |n_bytes| {
-            [format!("{:.0}", n_bytes as f64 / 1e6), format!("{:.1}", n_bytes as f64 / 1e6 / millis)]
+        let [megabytes, rate, share] = way.n_bytes.map_or(["—"; 3].map(String::from), |n_bytes| {
+            let rate = n_bytes as f64 / 1e6 / millis;
+            [format!("{:.0}", n_bytes as f64 / 1e6), format!("{rate:.1}"), format!("{:.0} %", 1e11 * rate / memory)]
         });
         let words = spread_words(way.millis.clone());
-        format!("| {} | {words} | {megabytes} | {rate} | {} |\n", way.name, PAPER.word(millis))
+        format!("| {} | {words} | {megabytes} | {rate} | {share} | {} |\n", way.name, PAPER.word(millis))
     };
     format!(
-        "Milliseconds by the clock, median (least…greatest); megabytes that must move: factors as ours keeps them in memory, or the full matrix in single precision, laid out by columns\n\
-         so that it is read at the speed of memory, and the radiance that is written. Memory was read at {:.1} GB/s at best in the same turns. {}\n\
+        "Milliseconds by the clock, median (least…greatest); megabytes that must move: factors as ours keeps them in memory, or the full matrix in single precision, laid out\n\
+         so that it is read once from front to back and asked for ahead, and the radiance that is written. Memory was read at {:.1} GB/s at best in the same turns, of which each way reaches the share that is told. {}\n\
          The paper tells less than a second on the GPU of a laptop of its day.\n\n\
-         | what | ms per frame | MB | GB/s | under 1 s, as the paper |\n|---|---|---|---|---|\n{}",
+         | what | ms per frame | MB | GB/s | of memory | under 1 s, as the paper |\n|---|---|---|---|---|---|\n{}",
         memory / 1e9,
         beside(ways),
         ways.iter().map(row).collect::<String>(),
@@ -156,8 +157,8 @@ mod tests {
         let told = table(&[ours, full, slow], 64e9);
         assert!(told.contains("read at 64.0 GB/s at best"), "{told}");
         assert!(told.contains("moves 3.0 times the bytes of ours and takes 3.0 times as long"), "{told}");
-        assert!(told.contains("\n| ours | 2.0 (1.0…3.0) | 60 | 30.0 | kept |\n"), "{told}");
-        assert!(told.ends_with("\n| slow | 1500 (1400…1600) | — | — | missed |\n"), "{told}");
+        assert!(told.contains("\n| ours | 2.0 (1.0…3.0) | 60 | 30.0 | 47 % | kept |\n"), "{told}");
+        assert!(told.ends_with("\n| slow | 1500 (1400…1600) | — | — | — | missed |\n"), "{told}");
         let ahead = beside(&[way("ours", &[6.0], Some(60)), way("full", &[3.0], Some(180))]);
         assert!(ahead.ends_with("is ahead of it: ours takes 2.0 times as long."), "{ahead}");
     }
