@@ -145,6 +145,8 @@ fn the_camera_takes_angles_and_lenses_with_a_point_and_leaves_what_was_not_typed
     type_over(&mut window, "Focal length", "35.5");
     let focal_mm = |window: &Window| 13.5 / (0.5 * window.state().camera().unwrap().yfov_rad).tan();
     assert!((focal_mm(&window) - 35.5).abs() < 1e-2, "{}", focal_mm(&window));
+    type_over(&mut window, "Camera X", "1e39");
+    assert_eq!(pose(&window).position.x, 1e6, "as far as a look keeps it");
     type_over(&mut window, "Camera X", "1.25");
     assert_eq!(pose(&window).position.x, 1.25);
     let camera = window.state().camera().unwrap().clone();
