@@ -1,6 +1,5 @@
 //! From what was typed to what can be traced: scene, camera, film and look.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,7 +13,7 @@ use clerestory_transport::emitters::{Lighting, LightingError, PanelRequest, SkyR
 use clerestory_transport::import::{self, Choice, Imported};
 use clerestory_transport::lamp_units::assume_unitless;
 use clerestory_transport::light::LightRig;
-use clerestory_transport::photometry::{PhotometricProfile, assign};
+use clerestory_transport::photometry::assign;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::{FacetScattering, Scene};
 use clerestory_transport::sky::{SkyForm, SkySetting};
@@ -29,8 +28,6 @@ use crate::platform::memory_bytes;
 
 /// Width of a picture whose size was not given.
 const DEFAULT_WIDTH_PX: u32 = 960;
-/// Longest photometric file that is read; more is refused where it is understood.
-const MAX_PROFILE_BYTES: u64 = 64 << 20;
 
 /// One picture of one scene.
 pub(crate) struct View {
@@ -186,11 +183,8 @@ fn change_lamps(scene: &mut Scene, args: &ViewArgs, console: &mut Console) -> Re
 }
 
 fn assign_profile(scene: &mut Scene, request: &IesRequest, console: &mut Console) -> Result<()> {
-    let mut bytes = Vec::new();
-    let file = std::fs::File::open(&request.file).context("the file cannot be read: check the path")?;
-    file.take(MAX_PROFILE_BYTES).read_to_end(&mut bytes).context("the file cannot be read")?;
     let name = request.file.display().to_string();
-    let profile = PhotometricProfile::parse(&bytes, &name)?;
+    let profile = import::read_profile(&request.file).map_err(anyhow::Error::msg)?;
     console.warn_all(profile.remarks().iter().map(|remark| format!("{name}: {remark}")));
     Ok(assign(scene, &request.key, profile, 1.0)?)
 }
