@@ -22,6 +22,7 @@ use clerestory_transport::stop::Stop;
 use super::args::{IesRequest, ViewArgs};
 use super::console::Console;
 use crate::black::{black_words, is_black};
+use crate::look::scene::SceneChoice;
 use crate::look::{Look, sky};
 use crate::output::spare_inputs;
 use crate::platform::memory_bytes;
@@ -136,7 +137,7 @@ pub(crate) fn prepare_view(
     let mut camera = args.viewpoint.map_or_else(|| camera.clone(), |viewpoint| viewpoint.camera(camera));
     camera.shift = args.shift.unwrap_or(camera.shift);
     let film = args.size.unwrap_or_else(|| Film::of_width(DEFAULT_WIDTH_PX, &camera));
-    let panels = panels(&scene, args, console);
+    let panels = panels(&scene, &args.panels, &args.of_look, console);
     let (scene, warnings) = PreparedScene::with_skips(scene, &panels, sky, args.skips())
         .with_context(|| format!("cannot prepare the scene {name}"))?;
     console.warn_all(warnings);
@@ -146,9 +147,14 @@ pub(crate) fn prepare_view(
 
 /// The panels that were typed, and those that the look makes of other lights. What it cannot make of this scene is told and left
 /// out: it may be a look of another one.
-fn panels(scene: &Scene, args: &ViewArgs, console: &mut Console) -> Vec<PanelRequest> {
-    let mut panels = args.panels.clone();
-    for (node, resolution) in &args.of_look.panels {
+pub(super) fn panels(
+    scene: &Scene,
+    typed: &[PanelRequest],
+    of_look: &SceneChoice,
+    console: &mut Console,
+) -> Vec<PanelRequest> {
+    let mut panels = typed.to_vec();
+    for (node, resolution) in &of_look.panels {
         panels.push(PanelRequest { node: node.clone(), resolution: *resolution });
         let Err(error) = Lighting::new(scene, &panels) else { continue };
         panels.pop();
