@@ -133,6 +133,15 @@ fn escape_gives_up_what_was_typed_tab_takes_it_and_digits_alone_change_nothing()
 }
 
 #[test]
+fn a_light_above_its_fader_is_dragged_from_where_it_is() {
+    let mut window = baked();
+    type_over(&mut window, "lamp factor", "100");
+    let handle = window.get_by_label("lamp intensity").rect().right_center() - vec2(6.5, 0.0);
+    drag(&mut window, handle, handle - vec2(3.0, 0.0));
+    assert!((40.0..100.0).contains(&intensity(&window)), "{}", intensity(&window));
+}
+
+#[test]
 fn the_camera_takes_angles_and_lenses_with_a_point_and_leaves_what_was_not_typed() {
     let mut window = baked();
     click(&mut window, "Numbers");
