@@ -142,6 +142,18 @@ fn a_light_above_its_fader_is_dragged_from_where_it_is() {
 }
 
 #[test]
+fn stops_of_a_light_that_is_off_are_dragged_up_from_the_file() {
+    let mut window = baked();
+    click(&mut window, "Unit of intensities");
+    click(&mut window, "EV, stops above the file");
+    type_over(&mut window, "lamp stops", "off");
+    assert_eq!(intensity(&window), 0.0);
+    let field = window.get_by_label("lamp stops").rect().center();
+    drag(&mut window, field, field + vec2(60.0, 0.0));
+    assert!((1.0..4.0).contains(&intensity(&window)), "{}", intensity(&window));
+}
+
+#[test]
 fn the_camera_takes_angles_and_lenses_with_a_point_and_leaves_what_was_not_typed() {
     let mut window = baked();
     click(&mut window, "Numbers");

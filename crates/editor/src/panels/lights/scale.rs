@@ -227,7 +227,10 @@ pub(super) fn number_ui(
     intensity: &mut f32,
     width: f32,
 ) -> Response {
-    let mut number = measure.number(*intensity);
+    // Stops of a light that is off are counted from the file: where they are off, twenty more would not be seen.
+    let is_off = measure == Measure::Stops && *intensity == 0.0;
+    let mut number = if is_off { beside(0.0, OFF_EV) } else { measure.number(*intensity) };
+    let off = Some(number).filter(|_| is_off);
     let range = match measure {
         Measure::Stops => OFF_EV..=FACTOR_MAX.log2(),
         Measure::Factor | Measure::Amount { .. } => 0.0..=measure.number(FACTOR_MAX as f32),
@@ -245,6 +248,7 @@ pub(super) fn number_ui(
     let drag = drag.read(move |text| typed(text, measure));
     let drag = drag.words(move |number, _| match shown {
         Shown::Mixed => "mixed".into(),
+        Shown::WithUnit | Shown::Bare if Some(number) == off => measure.digits(OFF_EV),
         Shown::WithUnit | Shown::Bare => measure.digits(number),
     });
     let tip = match measure {
