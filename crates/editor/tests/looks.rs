@@ -370,7 +370,7 @@ fn reading(window: &Window, rig: &LightRig, pixel: &str) -> String {
     let px: [u32; 2] = [x.parse().unwrap(), y.parse().unwrap()];
     let shown = window.state().session().shown.as_ref().unwrap();
     let shares = shown.shares(rig, None, &[px[1] * shown.header.width + px[0]]).unwrap();
-    Reading { px, radiance: sum(&shares), lux: None }.words()
+    Reading { px, radiance: sum(&shares), lux: None, unit: "cd/m²" }.words()
 }
 
 fn area_of(window: &Window, label: &str) -> Rect {
