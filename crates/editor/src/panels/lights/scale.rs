@@ -24,7 +24,7 @@ pub enum Scale {
     Lux,
     /// Luminance.
     Nit,
-    /// Power at a luminous efficacy.
+    /// Power that a profile states, else that at a luminous efficacy.
     Watt,
 }
 
@@ -80,6 +80,11 @@ impl Scale {
     /// factors.
     pub(super) fn measure(self, light: &Listed, setting: &LightSetting, efficacy: f32) -> Measure {
         let Some(unit) = self.unit() else { return self.of_group() };
+        if self == Scale::Watt
+            && let Some(watts) = light.watts()
+        {
+            return Measure::Amount { at_one: f64::from(watts), unit: self.name() };
+        }
         let one = LightSetting { intensity: 1.0, ..*setting };
         let amount = |unit| light.amount(&one, unit).filter(|at_one| *at_one > 0.0).map(f64::from);
         if let Some(at_one) = amount(unit) {
