@@ -552,6 +552,27 @@ fn the_picture_on_the_right_is_zoomed_and_moved_as_that_on_the_left() {
 }
 
 #[test]
+fn the_second_button_moves_no_key_of_the_timeline() {
+    let mut window = two_keys();
+    let before = window.state().look().timeline.clone();
+    let at = window.query_all_by_label_contains("Key 2: Look 2 at").next().unwrap().rect().center();
+    let button = |window: &mut Window, pos: Pos2, pressed: bool| {
+        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+        window.input_mut().events.push(Event::PointerButton { pos, button, pressed, modifiers });
+        window.run_steps(2);
+    };
+    window.hover_at(at);
+    window.run_steps(2);
+    button(&mut window, at, true);
+    for x in [10.0, 20.0, 40.0] {
+        window.hover_at(at - vec2(x, 0.0));
+        window.run_steps(2);
+    }
+    button(&mut window, at - vec2(40.0, 0.0), false);
+    assert_eq!(window.state().look().timeline, before);
+}
+
+#[test]
 fn a_double_click_shows_the_whole_picture_where_no_light_can_be_dragged() {
     let mut window = two_keys();
     wait(&mut window, |app| app.is_settled());
