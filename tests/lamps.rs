@@ -184,6 +184,10 @@ fn lamps_that_are_muted_need_neither_scene_nor_files() {
         assert_eq!(relit["warnings"], json!([]));
     }
     desk.json("trace @room.glb --look @off.look -o @traced.exr --size 8x6 --spp 1");
+    std::fs::write(desk.path("plain.look"), r#"{"clerestory": 1}"#).unwrap();
+    let relit = "relight @room.transport --look @plain.look --scene @gone.glb --lamp-samples 8 -o @a.exr --device cpu";
+    let told = desk.json(relit)["warnings"].to_string();
+    assert!(told.contains("--scene changes nothing") && told.contains("--lamp-samples changes nothing"), "{told}");
 }
 
 #[test]

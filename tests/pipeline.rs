@@ -457,15 +457,17 @@ fn a_distribution_that_cannot_be_given_is_told_with_file_and_line() {
     let desk = Desk::new();
     std::fs::write(desk.path("good.ies"), IES).unwrap();
     std::fs::write(desk.path("bad.ies"), IES.replace("0 60 90", "0 60 50")).unwrap();
+    std::fs::create_dir(desk.path("folder.ies")).unwrap();
     for command in ["bake @room.glb -o @a.transport", "trace @room.glb -o @a.exr", "render @room.glb -o @a.exr"] {
         let bad = desk.path("bad.ies");
         desk.fails(&format!("{command} --ies warm=@bad.ies"), 1, &format!("line 6 of {}", bad.display()));
         desk.fails(&format!("{command} --ies panel=@good.ies"), 1, "warm, cool");
         desk.fails(&format!("{command} --ies warm=@none.ies"), 1, "none.ies");
+        desk.fails(&format!("{command} --ies warm=@folder.ies"), 1, "it is no regular file");
         desk.fails(&format!("{command} --ies warm=@good.ies --ies warm=@good.ies"), 1, "twice");
         desk.fails(&format!("{command} --ies warm"), 2, "KEY=FILE");
     }
-    assert_eq!(desk.names(), ["bad.ies", "good.ies", "room.glb"], "a failed command leaves files behind");
+    assert_eq!(desk.names(), ["bad.ies", "folder.ies", "good.ies", "room.glb"], "a failed command leaves files behind");
 }
 
 #[test]

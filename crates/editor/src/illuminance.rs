@@ -13,6 +13,7 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sensors::SensorGrid;
 use glam::Vec3;
 
+use crate::legend::number_words;
 use crate::marks::{Marks, Seen, weighed};
 
 /// Lux of a foot-candle, a lumen per square foot.
@@ -87,8 +88,7 @@ pub fn lux_words(lux: f64) -> String {
     match lux {
         lux if lux >= 100.0 => format!("{lux:.0}"),
         lux if lux >= 1.0 => format!("{lux:.1}"),
-        0.0 => "0".into(),
-        lux => format!("{lux:.3}"),
+        lux => number_words(lux as f32),
     }
 }
 
@@ -217,6 +217,7 @@ mod tests {
         let dark = LuxFigures::of([(-1e-3, 1.0)]);
         assert_eq!((dark.average, dark.uniformity(), dark.diversity()), (0.0, None, None));
         assert_eq!(LuxFigures::of([]).minimum, 0.0);
+        assert_eq!([0.0, 2e-4, 0.25, 12.0, 480.4].map(lux_words), ["0", "2e-4", "0.25", "12.0", "480"]);
     }
 
     fn plain() -> (&'static LightRig, &'static AddedLux) {

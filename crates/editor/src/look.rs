@@ -231,9 +231,9 @@ impl Look {
     }
 }
 
-/// The first of `stem 1`, `stem 2` … that is not taken.
+/// The first of `stem 1`, `stem 2` … that is not taken; without a stem the number alone.
 pub fn numbered_name(stem: &str, is_taken: impl Fn(&str) -> bool) -> String {
-    let mut names = (1..).map(|n| format!("{stem} {n}"));
+    let mut names = (1..).map(|n| format!("{stem} {n}").trim_start().to_owned());
     names.find(|name| !is_taken(name)).expect("numbers do not end")
 }
 
@@ -265,6 +265,12 @@ mod tests {
         look.lights.groups.insert("kind:Panels".into(), LightGroup { lights, intensity: 0.5, muted: true });
         look.names.insert("Dark".into(), "Wall, \"left\"".into());
         look
+    }
+
+    #[test]
+    fn a_name_is_numbered_until_it_is_free() {
+        assert_eq!(numbered_name("Spot", |name| name == "Spot 1"), "Spot 2");
+        assert_eq!(numbered_name("", |name| name == "1"), "2");
     }
 
     #[test]

@@ -22,7 +22,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{
     Dropped, Kept, Window, baked, click, drag, open, open_again, open_with, quick, reach, replace_and_reload, room,
-    wait,
+    save_as, wait,
 };
 
 fn source() -> Source {
@@ -317,6 +317,22 @@ fn a_file_that_changed_on_disk_is_offered_and_the_look_stays() {
     wait(&mut window, |app| fingerprint(app) != before && app.session().bake == BakeState::Done);
     assert_eq!(*window.state().look(), look);
     assert!(window.query_by_label_contains("has changed on disk").is_none());
+}
+
+#[test]
+fn lights_are_never_written_into_another_scene_than_is_open() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, lit) = (folder.path().join("room.gltf"), folder.path().join("lit.glb"));
+    std::fs::write(&path, room()).unwrap();
+    let mut window = open(Source::File(path.clone()));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    gltf["nodes"][1]["name"] = "second".into();
+    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
+    save_as(&mut window, "Save as glTF…", &lit);
+    window.run_steps(3);
+    assert!(window.query_by_label_contains("was written anew since it was opened").is_some());
+    assert!(!lit.exists());
 }
 
 #[test]

@@ -370,7 +370,7 @@ fn reading(window: &Window, rig: &LightRig, pixel: &str) -> String {
     let px: [u32; 2] = [x.parse().unwrap(), y.parse().unwrap()];
     let shown = window.state().session().shown.as_ref().unwrap();
     let shares = shown.shares(rig, None, &[px[1] * shown.header.width + px[0]]).unwrap();
-    Reading { px, radiance: sum(&shares), lux: None }.words()
+    Reading { px, radiance: sum(&shares), lux: None, unit: "cd/m²" }.words()
 }
 
 fn area_of(window: &Window, label: &str) -> Rect {
@@ -549,6 +549,27 @@ fn the_picture_on_the_right_is_zoomed_and_moved_as_that_on_the_left() {
     assert!(moved != nearer[1] && moved == beside, "a drag moves both: {moved} {beside}");
     click_in_picture(&mut window, right, 2);
     assert_eq!(told(&mut window, left - offset), other, "a double-click shows all of it");
+}
+
+#[test]
+fn the_second_button_moves_no_key_of_the_timeline() {
+    let mut window = two_keys();
+    let before = window.state().look().timeline.clone();
+    let at = window.query_all_by_label_contains("Key 2: Look 2 at").next().unwrap().rect().center();
+    let button = |window: &mut Window, pos: Pos2, pressed: bool| {
+        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+        window.input_mut().events.push(Event::PointerButton { pos, button, pressed, modifiers });
+        window.run_steps(2);
+    };
+    window.hover_at(at);
+    window.run_steps(2);
+    button(&mut window, at, true);
+    for x in [10.0, 20.0, 40.0] {
+        window.hover_at(at - vec2(x, 0.0));
+        window.run_steps(2);
+    }
+    button(&mut window, at - vec2(40.0, 0.0), false);
+    assert_eq!(window.state().look().timeline, before);
 }
 
 #[test]

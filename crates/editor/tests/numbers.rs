@@ -133,6 +133,27 @@ fn escape_gives_up_what_was_typed_tab_takes_it_and_digits_alone_change_nothing()
 }
 
 #[test]
+fn a_light_above_its_fader_is_dragged_from_where_it_is() {
+    let mut window = baked();
+    type_over(&mut window, "lamp factor", "100");
+    let handle = window.get_by_label("lamp intensity").rect().right_center() - vec2(6.5, 0.0);
+    drag(&mut window, handle, handle - vec2(3.0, 0.0));
+    assert!((40.0..100.0).contains(&intensity(&window)), "{}", intensity(&window));
+}
+
+#[test]
+fn stops_of_a_light_that_is_off_are_dragged_up_from_the_file() {
+    let mut window = baked();
+    click(&mut window, "Unit of intensities");
+    click(&mut window, "EV, stops above the file");
+    type_over(&mut window, "lamp stops", "off");
+    assert_eq!(intensity(&window), 0.0);
+    let field = window.get_by_label("lamp stops").rect().center();
+    drag(&mut window, field, field + vec2(60.0, 0.0));
+    assert!((1.0..4.0).contains(&intensity(&window)), "{}", intensity(&window));
+}
+
+#[test]
 fn the_camera_takes_angles_and_lenses_with_a_point_and_leaves_what_was_not_typed() {
     let mut window = baked();
     click(&mut window, "Numbers");
@@ -145,6 +166,8 @@ fn the_camera_takes_angles_and_lenses_with_a_point_and_leaves_what_was_not_typed
     type_over(&mut window, "Focal length", "35.5");
     let focal_mm = |window: &Window| 13.5 / (0.5 * window.state().camera().unwrap().yfov_rad).tan();
     assert!((focal_mm(&window) - 35.5).abs() < 1e-2, "{}", focal_mm(&window));
+    type_over(&mut window, "Camera X", "1e39");
+    assert_eq!(pose(&window).position.x, 1e6, "as far as a look keeps it");
     type_over(&mut window, "Camera X", "1.25");
     assert_eq!(pose(&window).position.x, 1.25);
     let camera = window.state().camera().unwrap().clone();

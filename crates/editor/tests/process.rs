@@ -583,6 +583,10 @@ fn a_schedule_counts_what_shines_and_measures_the_floor() {
     assert!(table.lines().nth(1).unwrap().starts_with("A,Point lamp,,1,yes,37.7,,37.7,,,"), "{table}");
     let refused = run(folder.path(), "schedule room.gltf -o room.gltf");
     assert!(String::from_utf8_lossy(&refused.stderr).contains("would overwrite"));
+    // Units that the look chooses count as in a bake.
+    std::fs::write(folder.path().join("watts.look"), r#"{"clerestory": 1, "scene": {"units": "unitless"}}"#).unwrap();
+    let told = answer(folder.path(), "schedule room.gltf --look watts.look -o watts.csv");
+    assert!((told["lumen"].as_f64().unwrap() / (683.0 * lumen) - 1.0).abs() < 1e-4, "{told}");
     // A photometric file lies beside its look.
     let looks = folder.path().join("looks");
     std::fs::create_dir(&looks).unwrap();

@@ -1127,10 +1127,17 @@ fn work_that_was_recovered_in_part_is_offered_again() {
     drop(window);
     let mut work: serde_json::Value = serde_json::from_slice(&std::fs::read(&kept).unwrap()).unwrap();
     work["look"] = r#"{"clerestory": 1, "lights": {"lamp": {"muted": true}}, "sky": {"file": "none.hdr"}}"#.into();
+    let own = home.path().join("own.look");
+    std::fs::write(&own, "{}").unwrap();
+    work["look_path"] = own.to_str().unwrap().into();
     std::fs::write(&kept, work.to_string()).unwrap();
     let mut window = open();
     click(&mut window, "Recover");
     assert!(window.state().look().lights.lights["lamp"].muted && kept.exists());
+    window.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    window.run_steps(3);
+    assert!(window.query_by_label("Path").is_some(), "its own file holds what was left out");
+    assert_eq!(std::fs::read_to_string(&own).unwrap(), "{}");
     drop(window);
     let window = open();
     window.get_by_label("Recover");

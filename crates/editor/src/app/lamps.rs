@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 
 use super::App;
 use crate::action::FileTask;
-use crate::look::lamps::MAX_LAMPS;
+use crate::look::lamps::{MAX_LAMPS, fits};
 use crate::look::{groups, numbered_name};
 use crate::panels::lamps::{LampChoice, Pulled, kind_words};
 use crate::panels::lights::{ADDED, heard};
@@ -143,6 +143,9 @@ impl App {
         let fitting = || fitting_strength(&lamp, self.follower.shown_ev(), &scene, distance_m);
         let (strength, unit) = strength.unwrap_or_else(fitting);
         let lamp = FreeLamp { strength, unit, ..lamp };
+        if !fits(&lamp) {
+            return self.complain("it would be stronger, or farther than 1000 km from the origin, than a look holds");
+        }
         self.as_one_step(|app| {
             // A master that stands over all added lamps stands over this one.
             groups::enter(&mut app.look.lights, ADDED, &lamp.key);
@@ -309,7 +312,13 @@ impl App {
         if lamp.is_none() {
             self.complain(format!("{name} cannot be made movable: its distribution lies in the file of the scene"));
         }
-        lamp
+        let fitting = lamp.clone().filter(fits);
+        if lamp.is_some() && fitting.is_none() {
+            self.complain(format!(
+                "{name} cannot be made movable: it is stronger, or farther than 1000 km from the origin, than a look holds"
+            ));
+        }
+        fitting
     }
 
     fn exchange(&mut self, key: &str, lamp: FreeLamp) {

@@ -243,6 +243,11 @@ impl App {
         let opened = self.session.opened.as_ref().and_then(|opened| opened.path.clone());
         let spared = spare_inputs(&path, opened.iter().map(|scene| ("opened scene", scene.as_path())));
         match spared {
+            Ok(()) if self.is_scene_rewritten() => {
+                self.complain(
+                    "the scene was written anew since it was opened; reload it, and then save it with its lights",
+                );
+            }
             Ok(()) => self.session.export_gltf(seen, path),
             Err(error) => self.complain(in_words(&error)),
         }

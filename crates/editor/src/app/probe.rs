@@ -5,6 +5,7 @@ use clerestory_transport::light::{LightRig, luminance};
 
 use super::follow::Follower;
 use super::looks::Prints;
+use crate::look::Quantity;
 use crate::panels::looks::mix::Side;
 use crate::session::lamps::LampLight;
 use crate::session::prints::Slot;
@@ -60,11 +61,12 @@ impl Prober {
 }
 
 fn readings(shown: &Shown, rig: &LightRig, light: Option<&LampLight>, probes: &Probes) -> Readings {
+    let unit = if shown.header.basis.is_measured() { "" } else { Quantity::Luminance.unit() };
     let read = |px: [u32; 2]| {
         let pixel = [px[1] * shown.header.width + px[0]];
         let shares = shown.shares(rig, light, &pixel)?;
         let lux = shown.irradiance_at(rig, light, &pixel).map(luminance);
-        Some((Reading { px, radiance: shares::sum(&shares), lux }, shares))
+        Some((Reading { px, radiance: shares::sum(&shares), lux, unit }, shares))
     };
     let plain = |px: [u32; 2]| read(px).map(|(reading, _)| reading);
     Readings {

@@ -109,12 +109,17 @@ impl App {
         };
         let is_whole = warnings.is_empty();
         self.look = look;
-        (self.look_path, self.look_files.on_disk) = (left.work.look_path.clone(), left.work.on_disk);
+        // What was left out is in its file alone.
+        let file = left.work.look_path.clone().filter(|_| is_whole);
+        (self.look_path, self.look_files.on_disk) = (file, left.work.on_disk.filter(|_| is_whole));
         warnings.extend(self.heed_choice());
         match warnings.as_slice() {
             [] => self.say(format!("Recovered the look of {}", left.work.scene_name())),
             some if is_whole => self.complain(format!("Recovered: {}", some.join(", "))),
-            some => self.complain(format!("Recovered in part, offered again at the next start: {}", some.join(", "))),
+            some => self.complain(format!(
+                "Recovered in part, offered again at the next start; saving asks for another file: {}",
+                some.join(", ")
+            )),
         }
         // In the own slot before the other is given up.
         let work = self.work();

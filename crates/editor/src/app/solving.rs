@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, LampError, PreparedLamps};
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sensors::node_floor_area_m2;
@@ -100,6 +100,8 @@ struct Measured {
 struct Figures {
     marked: Option<LuxFigures>,
     grids: Vec<(String, LuxFigures)>,
+    /// Which lamps do not count, and why.
+    left_out: Option<String>,
 }
 
 impl View {
@@ -260,7 +262,10 @@ impl App {
     /// Measures what is marked under the lights as they are seen.
     fn measure(&mut self, view: Option<&View>) {
         match self.solving.measuring.take() {
-            Some(Ok((of, Ok(figures)))) => (self.solving.measured, self.solving.problem) = (Some((of, figures)), None),
+            Some(Ok((of, Ok(figures)))) => {
+                self.solving.problem.clone_from(&figures.left_out);
+                self.solving.measured = Some((of, figures));
+            }
             Some(Ok((of, Err(words)))) => {
                 (self.solving.measured, self.solving.problem) = (Some((of, Figures::default())), Some(words));
             }
@@ -290,7 +295,9 @@ impl App {
         let scene = self.session.lamp_scene().cloned();
         let started = self.solving.measuring.start("measure", &self.solving.wake, move || {
             let figures = || -> anyhow::Result<Figures> {
-                let (lamps, _) = PreparedLamps::new(&of.rig.shining_lamps(), None)?;
+                let (lamps, errors) = PreparedLamps::able(&of.rig.shining_lamps(), None);
+                let errors: Vec<String> = errors.iter().map(LampError::to_string).collect();
+                let left_out = (!errors.is_empty()).then(|| format!("{}: these figures lack it", errors.join(", ")));
                 added.lamps = scene.filter(|_| !lamps.is_empty()).map(|scene| (scene, lamps));
                 let light = (&of.rig, &added);
                 let marked =
@@ -299,7 +306,7 @@ impl App {
                     let points = of_grid(&bake, (set, grid), light)?;
                     Ok((grid.name.clone(), LuxFigures::of(points.iter().map(|(_, lux)| (f64::from(*lux), 1.0)))))
                 };
-                Ok(Figures { marked, grids: bake.grids().map(grid).collect::<anyhow::Result<_>>()? })
+                Ok(Figures { marked, grids: bake.grids().map(grid).collect::<anyhow::Result<_>>()?, left_out })
             };
             let figures = figures().map_err(|error| in_words(&error));
             (of, figures)

@@ -33,6 +33,8 @@ pub(super) struct Watched {
     looking: Aside<Option<PathBuf>>,
     looked_at: f64,
     changed: Option<PathBuf>,
+    /// The scene as it was read, whatever of it was kept open since.
+    read: Option<(PathBuf, Stamp)>,
 }
 
 fn stamp(path: &Path) -> Stamp {
@@ -57,9 +59,22 @@ impl App {
         let opened = self.session.opened.as_ref();
         let path = opened.and_then(|opened| opened.path.clone()).filter(|path| path.is_file());
         let beside = opened.into_iter().flat_map(|opened| opened.files.iter().cloned());
-        let files = path.into_iter().chain(beside).map(stamped).collect();
-        self.watched = Watched { files, ..Watched::default() };
+        let read = path.map(stamped);
+        let files = read.iter().cloned().chain(beside.map(stamped)).collect();
+        self.watched = Watched { files, read, ..Watched::default() };
         self.watch_look();
+    }
+
+    /// What is open stays although it was written since: the next time is told.
+    fn keep_opened(&mut self) {
+        let read = self.watched.read.take();
+        self.watch_opened();
+        self.watched.read = read;
+    }
+
+    /// Whether the file of the scene holds another one than is open.
+    pub(super) fn is_scene_rewritten(&self) -> bool {
+        changed(self.watched.read.as_slice()).is_some()
     }
 
     /// The map of the sky that the look names.
@@ -92,7 +107,7 @@ impl App {
         }
         self.watch_look();
         let now = ctx.input(|input| input.time);
-        let Watched { files, of_look, looking, looked_at, changed: found } = &mut self.watched;
+        let Watched { files, of_look, looking, looked_at, changed: found, .. } = &mut self.watched;
         if let Some(answer) = looking.take() {
             (*looked_at, *found) = (now, answer.ok().flatten());
         }
@@ -139,7 +154,7 @@ impl App {
         let words = format!("{name} has changed on disk");
         match strip_ui(ui, "changed", &words, &["Reload", "Keep what is open"]) {
             Some(0) => self.actions.push(Action::Reload),
-            Some(_) => self.watch_opened(),
+            Some(_) => self.keep_opened(),
             None => {}
         }
     }

@@ -16,6 +16,7 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::Scene;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 
+use super::args::RelightArgs;
 use super::console::Console;
 use super::view::{View, import_scene, load_scene};
 use crate::illuminance::AddedLux;
@@ -35,6 +36,21 @@ pub(super) fn prepared(lamps: &[FreeLamp], look: Option<&Path>, console: &mut Co
     let (lamps, warnings) = PreparedLamps::new(lamps, folder).context("the look has a lamp that cannot shine")?;
     console.warn_all(warnings);
     Ok(lamps)
+}
+
+/// Says so where something was typed for lamps of looks that have none.
+pub(super) fn warn_of_no_lamps<'a>(
+    rigs: impl IntoIterator<Item = &'a LightRig>,
+    args: &RelightArgs,
+    console: &mut Console,
+) {
+    if rigs.into_iter().any(|rig| !rig.lamps.is_empty()) {
+        return;
+    }
+    let typed = [("--scene", args.scene.is_some()), ("--lamp-samples", args.lamp_samples != DEFAULT_SAMPLES)];
+    for (option, _) in typed.into_iter().filter(|(_, is_typed)| *is_typed) {
+        console.warn(&format!("{option} changes nothing: the look has no lamps of its own"));
+    }
 }
 
 /// Makes the lamps of a rig lights of a scene that nobody else has yet, in columns of their own; the rig has them no more.

@@ -4,13 +4,14 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use clerestory_transport::import::Choice;
+use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sensors::floor_area_m2;
 use serde_json::json;
 
 use super::args::ScheduleArgs;
 use super::console::{Answer, Console};
-use super::view::{load_bake, load_look, load_scene, or_of_file, spare_look, warn_of_unknown_lights};
+use super::view::{load_bake, load_look, load_scene, or_of_file, panels, spare_look, warn_of_unknown_lights};
 use crate::legend::number_words;
 use crate::output::{PendingFile, spare_inputs};
 use crate::schedule::Schedule;
@@ -26,8 +27,12 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
         ensure!(!bake.header.basis.is_measured(), "{} is of pictures, whose lights are no lamps", args.file.display());
         (bake.header.basis.clone(), None)
     } else {
-        let imported = load_scene(&args.file, &Choice::default(), console)?;
-        let (scene, warnings) = PreparedScene::new(imported.scene, &[])
+        let mut scene = load_scene(&args.file, &Choice::default(), console)?.scene;
+        if look.scene.units == Some(LampUnits::Unitless) {
+            assume_unitless(&mut scene);
+        }
+        let panels = panels(&scene, &[], &look.scene, console);
+        let (scene, warnings) = PreparedScene::new(scene, &panels)
             .with_context(|| format!("cannot prepare the scene {}", args.file.display()))?;
         console.warn_all(warnings);
         (scene.lighting.basis.clone(), Some(scene))

@@ -88,6 +88,9 @@ fn readings<'a>(bake: &'a Bake, light: (&LightRig, &AddedLux)) -> Result<Vec<Rea
 /// What the lamps of a look add, where the scene is named.
 fn added(args: &SensorsArgs, bake: &Bake, look: &Look, console: &mut Console) -> Result<AddedLux> {
     let lamps = look.lights.lit_lamps();
+    if lamps.is_empty() && args.scene.is_some() {
+        console.warn("--scene changes nothing: the look has no lamps of its own");
+    }
     if lamps.iter().all(|lamp| lamp.setting.muted) {
         return Ok(AddedLux::default());
     }

@@ -1,6 +1,5 @@
 //! From what was typed to what can be traced: scene, camera, film and look.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,7 +13,7 @@ use clerestory_transport::emitters::{Lighting, LightingError, PanelRequest, SkyR
 use clerestory_transport::import::{self, Choice, Imported};
 use clerestory_transport::lamp_units::assume_unitless;
 use clerestory_transport::light::LightRig;
-use clerestory_transport::photometry::{PhotometricProfile, assign};
+use clerestory_transport::photometry::assign;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::{FacetScattering, Scene};
 use clerestory_transport::sky::{SkyForm, SkySetting};
@@ -23,14 +22,13 @@ use clerestory_transport::stop::Stop;
 use super::args::{IesRequest, ViewArgs};
 use super::console::Console;
 use crate::black::{black_words, is_black};
+use crate::look::scene::SceneChoice;
 use crate::look::{Look, sky};
 use crate::output::spare_inputs;
 use crate::platform::memory_bytes;
 
 /// Width of a picture whose size was not given.
 const DEFAULT_WIDTH_PX: u32 = 960;
-/// Longest photometric file that is read; more is refused where it is understood.
-const MAX_PROFILE_BYTES: u64 = 64 << 20;
 
 /// One picture of one scene.
 pub(crate) struct View {
@@ -139,7 +137,7 @@ pub(crate) fn prepare_view(
     let mut camera = args.viewpoint.map_or_else(|| camera.clone(), |viewpoint| viewpoint.camera(camera));
     camera.shift = args.shift.unwrap_or(camera.shift);
     let film = args.size.unwrap_or_else(|| Film::of_width(DEFAULT_WIDTH_PX, &camera));
-    let panels = panels(&scene, args, console);
+    let panels = panels(&scene, &args.panels, &args.of_look, console);
     let (scene, warnings) = PreparedScene::with_skips(scene, &panels, sky, args.skips())
         .with_context(|| format!("cannot prepare the scene {name}"))?;
     console.warn_all(warnings);
@@ -149,9 +147,14 @@ pub(crate) fn prepare_view(
 
 /// The panels that were typed, and those that the look makes of other lights. What it cannot make of this scene is told and left
 /// out: it may be a look of another one.
-fn panels(scene: &Scene, args: &ViewArgs, console: &mut Console) -> Vec<PanelRequest> {
-    let mut panels = args.panels.clone();
-    for (node, resolution) in &args.of_look.panels {
+pub(super) fn panels(
+    scene: &Scene,
+    typed: &[PanelRequest],
+    of_look: &SceneChoice,
+    console: &mut Console,
+) -> Vec<PanelRequest> {
+    let mut panels = typed.to_vec();
+    for (node, resolution) in &of_look.panels {
         panels.push(PanelRequest { node: node.clone(), resolution: *resolution });
         let Err(error) = Lighting::new(scene, &panels) else { continue };
         panels.pop();
@@ -186,11 +189,8 @@ fn change_lamps(scene: &mut Scene, args: &ViewArgs, console: &mut Console) -> Re
 }
 
 fn assign_profile(scene: &mut Scene, request: &IesRequest, console: &mut Console) -> Result<()> {
-    let mut bytes = Vec::new();
-    let file = std::fs::File::open(&request.file).context("the file cannot be read: check the path")?;
-    file.take(MAX_PROFILE_BYTES).read_to_end(&mut bytes).context("the file cannot be read")?;
     let name = request.file.display().to_string();
-    let profile = PhotometricProfile::parse(&bytes, &name)?;
+    let profile = import::read_profile(&request.file).map_err(anyhow::Error::msg)?;
     console.warn_all(profile.remarks().iter().map(|remark| format!("{name}: {remark}")));
     Ok(assign(scene, &request.key, profile, 1.0)?)
 }

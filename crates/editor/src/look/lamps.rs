@@ -36,6 +36,12 @@ pub fn below(position: Vec3) -> Vec3 {
     position - Vec3::Y
 }
 
+/// Whether a file holds such a lamp: it is neither farther away nor stronger than is read.
+pub fn fits(lamp: &FreeLamp) -> bool {
+    let mut places = [lamp.position, lamp.aim].into_iter().flat_map(|place| place.to_array());
+    places.all(|meters| PLACE_M.contains(&f64::from(meters))) && lamp.strength <= MOST_STRENGTH
+}
+
 impl Look {
     /// Whether a file holds so many more lamps.
     pub fn has_room_for_lamps(&self, n_more: usize) -> bool {
@@ -293,6 +299,18 @@ mod tests {
         let beyond = Look::from_json(&json.replace("-90.0,", "270.0,")).unwrap().0.lights.lamps;
         assert!(beyond.iter().zip(all()).all(|(lamp, own)| (lamp.turn_rad - own.turn_rad).abs() < 1e-5), "{beyond:?}");
         assert_eq!(json.matches("\"aim\"").count(), 6, "only what can be aimed has an aim: {json}");
+    }
+
+    #[test]
+    fn what_fits_is_what_is_read() {
+        let usual = lamp("usual", LampShape::Disk { radius_m: 0.1 });
+        let far = FreeLamp { position: Vec3::new(0.0, -2e6, 0.0), ..usual.clone() };
+        let strong = FreeLamp { strength: 2e9, ..usual.clone() };
+        for (lamp, is_read) in [(usual, true), (far, false), (strong, false)] {
+            let mut look = Look::default();
+            look.lights.lamps = vec![lamp.clone()];
+            assert_eq!((fits(&lamp), Look::from_json(&look.to_json()).is_ok()), (is_read, is_read), "{lamp:?}");
+        }
     }
 
     #[test]

@@ -103,6 +103,15 @@ impl Wishes {
         self.list.len() < MOST_WISHES
     }
 
+    /// The same of one that marks so many pixels.
+    pub fn has_room_for(&self, n_marked: usize) -> bool {
+        let marked = self.list.iter().map(|entry| match &entry.place {
+            Where::Marked(marked) => marked.marks.pixels().len(),
+            Where::Whole | Where::Sensors(_) => 0,
+        });
+        self.has_room() && marked.sum::<usize>().saturating_add(n_marked) <= MOST_MARKED
+    }
+
     /// One more wish; its name tells it from the others.
     pub fn push(&mut self, name: &str, place: Where, wanted: Wanted) {
         let is_taken = |name: &str| self.list.iter().any(|entry| entry.name == name);
@@ -318,6 +327,20 @@ mod tests {
         assert_eq!(Look::from_json(&look.to_json()).unwrap().0, look);
         look.wishes.list.push(wish);
         assert!(Look::from_json(&look.to_json()).is_err());
+    }
+
+    #[test]
+    fn wishes_mark_no_more_pixels_than_a_file_is_read_with() {
+        let film = Film { width: 1024, height: 512 };
+        let marks = Arc::new(Marks::rect(film, [[0.0, 0.0], [1024.0, 512.0]]));
+        let n_marked = marks.pixels().len();
+        let place = Where::Marked(Marked { framing: Framing { film, camera: None }, marks });
+        let mut wishes = Wishes::default();
+        while wishes.has_room_for(n_marked) {
+            wishes.push("Desk", place.clone(), Wanted::Keep);
+        }
+        assert_eq!(wishes.list.len(), MOST_MARKED / n_marked);
+        assert!(wishes.has_room(), "one of the whole picture marks nothing");
     }
 
     #[test]

@@ -35,6 +35,8 @@ pub struct CameraEdit<'a> {
     pub habits: &'a mut Habits,
 }
 
+/// Where a camera may be put along an axis, meters: as far as a look keeps it.
+const PLACE_M: std::ops::RangeInclusive<f32> = -1e6..=1e6;
 /// Width of the film that a focal length is told for, millimeters.
 const FILM_MM: f32 = 36.0;
 /// Said where a look holds as many bookmarks as it can.
@@ -187,9 +189,9 @@ fn numbers_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
         let axes = [("X", &mut pose.position.x), ("Y", &mut pose.position.y), ("Z", &mut pose.position.z)];
         for (axis, meters) in axes {
             ui.label(format!("Position {axis}"));
-            let number = Number::new(meters).speed(0.02).max_decimals(2).suffix(" m");
+            let number = Number::new(meters).range(PLACE_M).leaves_what_is_outside().speed(0.02);
             let hint = format!("{axis} in meters; Y points up");
-            ui.add(number).on_hover_text(hint).accessible_name(format!("Camera {axis}"));
+            ui.add(number.max_decimals(2).suffix(" m")).on_hover_text(hint).accessible_name(format!("Camera {axis}"));
             ui.end_row();
         }
         let angles = [

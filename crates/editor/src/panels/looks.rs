@@ -5,7 +5,7 @@ pub mod mix;
 pub mod timeline;
 
 use clerestory_transport::basis::LightBasis;
-use eframe::egui::{self, Button, RichText, TextureId, Ui, Vec2};
+use eframe::egui::{self, Button, RichText, Stroke, TextureId, Ui, Vec2};
 
 use crate::action::{Action, FileTask};
 use crate::look::Look;
@@ -220,6 +220,14 @@ fn drop_ui(ui: &Ui, look: &mut Look, state: &mut LooksState, centers: &[f32]) {
     let others = centers.iter().enumerate().filter(|(idx, center)| *idx != from && **center < pointer.x);
     let to = others.count();
     ui.ctx().set_cursor_icon(egui::CursorIcon::Grabbing);
+    if let [first, second, ..] = centers
+        && to != from
+    {
+        // Before which card it lands as they stand now.
+        let place = if to < from { to } else { to + 1 };
+        let (row, x) = (ui.min_rect(), first + (place as f32 - 0.5) * (second - first));
+        ui.painter().vline(x.max(row.left() + 1.0), row.y_range(), Stroke::new(2.0, theme::ACCENT));
+    }
     if ui.input(|input| input.pointer.any_released() || !input.pointer.any_down()) {
         state.dragged = None;
         look.reorder(from, to);

@@ -166,14 +166,22 @@ fn is_given_up(ctx: &Context) -> bool {
     pass == Some(ctx.cumulative_pass_nr())
 }
 
-/// A finite number, with its unit behind it or without.
+/// A finite number, with its unit behind it, the first word of that, or without. One comma stands for the point, but where it may set
+/// thousands apart: which is meant is anybody's guess then.
 pub fn number_of(text: &str, unit: &str) -> Option<f64> {
     let bare = |text: &str| -> String {
         text.chars().filter(|c| !c.is_whitespace()).map(|c| if c == '−' { '-' } else { c }).collect()
     };
     let text = bare(text);
-    let digits = text.strip_suffix(bare(unit).as_str()).unwrap_or(&text);
-    digits.parse().ok().filter(|number: &f64| number.is_finite())
+    let first = unit.split_whitespace().next().unwrap_or_default();
+    let digits = text.strip_suffix(bare(unit).as_str()).or_else(|| text.strip_suffix(first)).unwrap_or(&text);
+    let decimal = match digits.split_once(',') {
+        Some((whole, rest)) if rest.len() != 3 || whole.trim_start_matches(['+', '-']) == "0" => {
+            format!("{whole}.{rest}")
+        }
+        _ => digits.to_owned(),
+    };
+    decimal.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
 /// The number next to one, no less than `least`: for a field that shows a word in place of several numbers, or of none. Any number that is
@@ -213,6 +221,8 @@ mod tests {
     fn a_number_may_carry_its_own_unit_and_no_other() {
         let meters = |text: &str| number_of(text, " m");
         assert_eq!(["1.5", " 1.5 m", "−2m", "1 000"].map(meters), [1.5, 1.5, -2.0, 1000.0].map(Some));
-        assert_eq!(["1.5 cm", "m", "", "nan", "inf", "1,5"].map(meters), [None; 6]);
+        assert_eq!(["1,5", "-0,125 m", "2,25"].map(meters), [1.5, -0.125, 2.25].map(Some));
+        assert_eq!(["1.5 cm", "m", "", "nan", "inf", "1,920", "1,5,2"].map(meters), [None; 7]);
+        assert_eq!(["48.1°", "48,1° N", "48.1"].map(|text| number_of(text, "° N")), [Some(48.1); 3]);
     }
 }

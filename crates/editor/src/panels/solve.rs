@@ -160,7 +160,8 @@ fn new_wish_ui(
         missing_ui(ui, view.lux_bake, actions);
     }
     ui.horizontal_wrapped(|ui| {
-        let has_room = wishes.has_room();
+        let n_marked = marking.marks().map_or(0, |marks| marks.pixels().len());
+        let has_room = wishes.has_room_for(n_marked);
         let can_add = marking.marks().is_some() && !lacks_lux && has_room;
         let add = ui.add_enabled(can_add, Button::new("Add wish")).on_hover_text("For what is marked in the picture");
         let why = if lacks_lux { "This bake holds no illuminance" } else { "Mark a part of the picture first" };

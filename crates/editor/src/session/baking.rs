@@ -13,6 +13,7 @@ use clerestory_transport::sensors::{IrradianceRequest, OfFile};
 use super::begun::{Begun, seen_from};
 use super::glimpse::{self, Glimpse};
 use super::task::{self, Task, words};
+use super::views::sees_alike;
 use super::{BakeSettings, BakeState, Notice, Session, Shown, earlier};
 use crate::picture::Changed;
 use crate::platform::memory_bytes;
@@ -96,7 +97,7 @@ impl Session {
         }
     }
 
-    /// Somebody looks at a pixel of the picture that is shown: a bake that runs makes what is there first.
+    /// Somebody looks at a pixel of the picture that is shown: a bake of that view that runs makes what is there first.
     pub fn attend(&self, pixel: Option<[u32; 2]>) {
         let baking = self.incoming.as_ref().filter(|_| !self.is_aside());
         let films = self.shown.as_ref().zip(baking).map(|(shown, baking)| (shown.film(), baking.film()));
@@ -105,7 +106,9 @@ impl Session {
             Some((from, to)) => [scaled(x, from.width, to.width), scaled(y, from.height, to.height)],
             None => [x, y],
         };
-        self.focus.set(pixel.map(there));
+        let own = self.shown.as_ref().and_then(|shown| shown.camera.as_ref());
+        let is_of_shown = own.zip(self.views.baking.as_ref()).is_none_or(|(own, baking)| sees_alike(own, baking));
+        self.focus.set(pixel.filter(|_| is_of_shown && !self.is_aside()).map(there));
     }
 
     pub(super) fn stop_baking(&mut self) {

@@ -54,6 +54,8 @@ pub struct Reading {
     pub radiance: Vec3,
     /// Illuminance of what is seen there, lux; where it is baked, free lamps included.
     pub lux: Option<f32>,
+    /// Unit of its luminance; that of pictures that were taken has no name.
+    pub unit: &'static str,
 }
 
 /// Everything that is measured.
@@ -79,7 +81,7 @@ const BESIDE: f32 = 18.0;
 impl Reading {
     /// Luminance and illuminance, with their units; illuminance in foot-candles as well. What noise takes below nothing is none.
     pub fn words(&self) -> String {
-        let luminance = format!("{} cd/m²", number_words(luminance(self.radiance).max(0.0)));
+        let luminance = in_unit(luminance(self.radiance).max(0.0), self.unit);
         match self.lux.map(|lux| lux.max(0.0)) {
             Some(lux) => {
                 let foot_candles = f64::from(lux) / FOOT_CANDLE_LX;
@@ -88,6 +90,11 @@ impl Reading {
             None => luminance,
         }
     }
+}
+
+/// A number in a unit, if that has a name.
+fn in_unit(number: f32, unit: &str) -> String {
+    format!("{} {unit}", number_words(number)).trim_end().to_owned()
 }
 
 /// Which pixel is where: the picture on the screen, and its size in pixels.
@@ -282,7 +289,8 @@ fn breakdown_ui(
             let lit: Vec<&Share> = lit.collect();
             for share in lit.iter().take(MOST_ROWS) {
                 let is_here = share.is_of_scene || look.lights.lamps.iter().any(|lamp| lamp.key == share.key);
-                share_ui(ui, share, luminance(total), (look.name_of(&share.key), is_here), lights);
+                let of = (look.name_of(&share.key), is_here, reading.unit);
+                share_ui(ui, share, luminance(total), of, lights);
             }
             if lit.is_empty() {
                 ui.label(RichText::new("No light reaches this").weak());
@@ -332,10 +340,17 @@ fn heading_ui(ui: &mut Ui, (reading, of): (&Reading, Option<&str>), probes: &mut
 
 /// A row: color, name, share and luminance over a bar as long as the share. A click chooses the light, unless only the other look of a
 /// comparison has it.
-fn share_ui(ui: &mut Ui, share: &Share, total: f32, (name, is_here): (&str, bool), lights: &mut LightsState) {
+fn share_ui(
+    ui: &mut Ui,
+    share: &Share,
+    total: f32,
+    (name, is_here, unit): (&str, bool, &str),
+    lights: &mut LightsState,
+) {
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 22.0), Sense::click());
     let luminance = share.luminance();
-    let words = format!("{name} {} {} cd/m²", percent(luminance, total), number_words(luminance));
+    let value = in_unit(luminance, unit);
+    let words = format!("{name} {} {value}", percent(luminance, total));
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &words));
     let visuals = ui.style().interact(&response);
     let ink = visuals.fg_stroke.color;
@@ -349,7 +364,6 @@ fn share_ui(ui: &mut Ui, share: &Share, total: f32, (name, is_here): (&str, bool
     let swatch = Rect::from_center_size(rect.left_center() + vec2(10.0, 0.0), Vec2::splat(11.0));
     painter.rect_filled(swatch, 2.0, swatch_color(share.radiance));
     let font = FontId::proportional(12.5);
-    let value = format!("{} cd/m²", number_words(luminance));
     let place = painter.text(rect.right_center() + vec2(-6.0, 0.0), Align2::RIGHT_CENTER, value, font.clone(), ink);
     let left = place.left().min(rect.right() - 92.0);
     let share_words = percent(luminance, total);
@@ -397,8 +411,10 @@ mod tests {
         let words = [(1.0, 1.0), (0.25, 1.0), (0.004, 1.0), (0.0, 0.0)].map(|(part, total)| percent(part, total));
         assert_eq!(words, ["100 %", "25 %", "0.4 %", "0.0 %"]);
         assert_eq!(percent(0.1, -0.001), "– %", "noise has left less than nothing");
-        let dark = Reading { px: [0, 0], radiance: Vec3::splat(-0.1), lux: Some(-0.1) };
+        let dark = Reading { px: [0, 0], radiance: Vec3::splat(-0.1), lux: Some(-0.1), unit: "cd/m²" };
         assert_eq!(dark.words(), "0 cd/m², 0 lx (0 fc)");
+        let taken = Reading { radiance: Vec3::splat(0.5), lux: None, unit: "", ..dark };
+        assert_eq!(taken.words(), "0.5");
     }
 
     #[test]

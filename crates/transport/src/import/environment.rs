@@ -33,9 +33,8 @@ pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>)
             guarded(|| openexr::decode(bytes, Wanted::Shown, Beside::Nothing, &check))
                 .map(|picture| (picture.size, picture.pixels, picture.is_converted, picture.remark))
         }
-        () if bytes.starts_with(b"#?") => {
-            guarded(|| radiance::decode(bytes, check)).map(|(size, pixels)| (size, pixels, false, None))
-        }
+        () if bytes.starts_with(b"#?") => guarded(|| radiance::decode(bytes, check))
+            .map(|picture| (picture.size, picture.pixels, picture.is_converted, picture.remark)),
         () => Err("it is neither Radiance nor OpenEXR".into()),
     };
     let ([width, height], pixels, is_converted, remark) = picture.map_err(refuse)?;
@@ -240,6 +239,26 @@ mod tests {
         let dark = [&b"#?RADIANCE\nEXPOSURE=0"[..], &hdr()["#?RADIANCE".len()..]].concat();
         let error = decode_sky("a.hdr", &dark).unwrap_err().to_string();
         assert!(error.contains("exposure of 0"), "{error}");
+    }
+
+    #[test]
+    fn a_radiance_sky_of_other_primaries_becomes_rec_709() {
+        let of = |primaries: &str| {
+            let head = format!("#?RADIANCE\nPRIMARIES={primaries}");
+            decode_sky("a.hdr", &[head.as_bytes(), &hdr()["#?RADIANCE".len()..]].concat()).unwrap()
+        };
+        let (plain, _) = decode_sky("a.hdr", &hdr()).unwrap();
+        assert!(of(" 0.640 0.330 0.300 0.600 0.150 0.060 0.3127 0.3290") == (plain.clone(), Vec::new()));
+        // P3 with D65.
+        let (map, warnings) = of("0.68 0.32 0.265 0.69 0.15 0.06 0.3127 0.329");
+        for (value, expected) in map.pixels()[5].into_iter().zip([0.7755, 2.0418, 4.2147]) {
+            assert!((value - expected).abs() < 0.01, "{:?}", map.pixels()[5]);
+        }
+        assert!(warnings.is_empty(), "{warnings:?}");
+        for odd in ["0.64 0.33", "0 0 0 0 0 0 0 0", "red"] {
+            let (map, warnings) = of(odd);
+            assert!(map == plain && warnings.len() == 1 && warnings[0].contains("`PRIMARIES`"), "{warnings:?}");
+        }
     }
 
     #[test]

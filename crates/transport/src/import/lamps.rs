@@ -32,7 +32,8 @@ pub(super) fn lamp(
     let color = Vec3::from(light.color);
     let intensity = light.intensity;
     let sane = |x: f32| x.is_finite() && x >= 0.0;
-    if !(sane(intensity) && color.to_array().into_iter().all(sane)) {
+    let factors = color.to_array().into_iter().chain([intensity]);
+    if !(factors.chain((color * intensity).to_array()).all(sane)) {
         notes.warn(format!("{name}: its color {color} times intensity {intensity} is out of range: it is left out"));
         return None;
     }

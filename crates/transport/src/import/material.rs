@@ -43,6 +43,13 @@ impl Converter<'_> {
         let mut material = Material { name: source.name.clone().unwrap_or_default(), ..Material::default() };
         self.core(&mut material, source, &name);
         self.extensions(&mut material, source, &name);
+        if !material.emitted_radiance().is_finite() {
+            let (color, strength) = (material.emissive, material.emissive_strength);
+            let words =
+                format!("{name}: its emission {color} times strength {strength} is out of range: it is left out");
+            self.notes.warn(words);
+            material.emissive = Vec3::ZERO;
+        }
         material
     }
 

@@ -25,7 +25,15 @@ const BRADFORD: DMat3 = DMat3::from_cols_array(&[
 /// # Errors
 /// Primaries between which there are no colors, in words.
 pub(super) fn into_rec709(stated: &Chromaticities) -> Result<Option<DMat3>, String> {
-    let stated = [stated.red, stated.green, stated.blue, stated.white].map(|Vec2(x, y)| [x, y]);
+    let Chromaticities { red, green, blue, white } = *stated;
+    into_rec709_from([red, green, blue, white].map(|Vec2(x, y)| [x, y]), "chromaticities")
+}
+
+/// The same of red, green, blue and white in CIE 1931 (x, y), which a file states as `name`.
+///
+/// # Errors
+/// As [`into_rec709`].
+pub(super) fn into_rec709_from(stated: [[f32; 2]; 4], name: &str) -> Result<Option<DMat3>, String> {
     let pairs = || stated.iter().flatten().zip(REC709.iter().flatten());
     if pairs().all(|(stated, own)| (stated - own).abs() <= SAME) {
         return Ok(None);
@@ -39,7 +47,7 @@ pub(super) fn into_rec709(stated: &Chromaticities) -> Result<Option<DMat3>, Stri
     let matrix = REC709_FROM_XYZ * adapted * primaries * DMat3::from_diagonal(luminances);
     if !(matrix.is_finite() && luminances.min_element() > 0.0) {
         return Err(format!(
-            "its `chromaticities` {stated:?} are no primaries with a white between them and are passed over: its colors are taken as those of Rec. 709; write it with \
+            "its `{name}` {stated:?} are no primaries with a white between them and are passed over: its colors are taken as those of Rec. 709; write it with \
              those of its colors, or without"
         ));
     }

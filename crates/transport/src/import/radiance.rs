@@ -3,10 +3,12 @@
 use std::borrow::Cow;
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 
+use glam::DMat3;
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
 
 use super::files::{of_file, of_image};
+use super::primaries::{convert, into_rec709_from};
 
 /// Where the head of a picture ends, at the latest, whose rows or columns run the other way.
 const MOST_HEAD_BYTES: u64 = 1 << 16;
@@ -18,8 +20,21 @@ struct Turned {
     columns: bool,
 }
 
-/// Width, height and linear pixels, row by row from the top left. Values are stored times all `EXPOSURE` and `COLORCORR` of the
-/// head, and divided by them here. Nothing is allocated before the size was checked.
+/// A picture of linear pixels.
+#[derive(Debug)]
+pub(super) struct RadiancePicture {
+    /// Width and height.
+    pub size: [u32; 2],
+    /// Row by row from the top left.
+    pub pixels: Vec<[f32; 3]>,
+    /// Whether its head states other primaries than those of Rec. 709.
+    pub is_converted: bool,
+    /// What is odd about it, in words.
+    pub remark: Option<String>,
+}
+
+/// The picture of a file. Values are stored times all `EXPOSURE` and `COLORCORR` of the head, and divided by them here; colors of other
+/// `PRIMARIES` become those of Rec. 709. Nothing is allocated before the size was checked.
 ///
 /// # Errors
 /// What is wrong with it, in words.
@@ -27,7 +42,7 @@ struct Turned {
 pub(super) fn decode(
     bytes: &[u8],
     check: impl FnOnce([u32; 2]) -> Result<(), String>,
-) -> Result<([u32; 2], Vec<[f32; 3]>), String> {
+) -> Result<RadiancePicture, String> {
     let (bytes, turned) = straightened(bytes).unwrap_or((Cow::Borrowed(bytes), Turned::default()));
     // Strictly its head would begin with `#?RADIANCE`; `#?RGBE` is as common.
     let decoder = HdrDecoder::new_nonstrict(Cursor::new(&*bytes)).map_err(of_image)?;
@@ -56,7 +71,21 @@ pub(super) fn decode(
             row.reverse();
         }
     }
-    Ok((size, pixels))
+    let colors = colors(&head.custom_attributes);
+    if let Ok(Some(matrix)) = &colors {
+        convert(matrix, &mut pixels);
+    }
+    Ok(RadiancePicture { size, pixels, is_converted: matches!(colors, Ok(Some(_))), remark: colors.err() })
+}
+
+/// What makes its colors those of Rec. 709, or why what its head says of them is passed over, in words.
+fn colors(head: &[(String, String)]) -> Result<Option<DMat3>, String> {
+    let Some((_, words)) = head.iter().rev().find(|(key, _)| key == "PRIMARIES") else { return Ok(None) };
+    let numbers: Option<Vec<f32>> = words.split_whitespace().map(|word| word.parse().ok()).collect();
+    let Some(&[red_x, red_y, green_x, green_y, blue_x, blue_y, white_x, white_y]) = numbers.as_deref() else {
+        return Err("its `PRIMARIES` are not eight numbers: its colors are taken as those of Rec. 709".into());
+    };
+    into_rec709_from([[red_x, red_y], [green_x, green_y], [blue_x, blue_y], [white_x, white_y]], "PRIMARIES")
 }
 
 /// Width and height from the head of a file.
@@ -112,7 +141,7 @@ mod tests {
             ("+Y 2 -X 3", [6.0, 5.0, 4.0, 3.0, 2.0, 1.0]),
         ] {
             let bytes = picture(line);
-            let (told, pixels) = decode(&bytes, |_| Ok(())).expect(line);
+            let RadiancePicture { size: told, pixels, .. } = decode(&bytes, |_| Ok(())).expect(line);
             assert_eq!((told, size(Cursor::new(&bytes))), ([3, 2], Ok([3, 2])), "{line}");
             assert_eq!(pixels, expected.map(|value: f32| [value; 3]), "{line}");
         }

@@ -9,8 +9,11 @@ use crate::light::PanelSpot;
 
 /// Most spots of a panel.
 const MOST_SPOTS: usize = 1000;
-/// Most that a number of theirs is believed to be.
-const MOST: f32 = 1e9;
+/// Largest coordinate, radius, channel of a color, and intensity: as much as a look holds.
+const MOST_AWAY: f32 = 100.0;
+const MOST_RADIUS: f32 = 1000.0;
+const MOST_CHANNEL: f32 = 1e6;
+const MOST_INTENSITY: f32 = 1e9;
 
 /// The spots of a node, if it marks some that make sense.
 pub(super) fn marked(node: &Node, index: usize, notes: &mut Notes) -> Option<Vec<PanelSpot>> {
@@ -25,6 +28,27 @@ pub(super) fn marked(node: &Node, index: usize, notes: &mut Notes) -> Option<Vec
 }
 
 fn is_sane(spot: &PanelSpot) -> bool {
-    let amounts = spot.color.iter().flatten().chain([&spot.radius, &spot.intensity]);
-    spot.position.iter().all(|v| v.abs() <= MOST) && amounts.into_iter().all(|v| (0.0..=MOST).contains(v))
+    let within = |value: &f32, most: f32| (0.0..=most).contains(value);
+    spot.position.iter().all(|coordinate| coordinate.abs() <= MOST_AWAY)
+        && within(&spot.radius, MOST_RADIUS)
+        && spot.color.iter().flatten().all(|channel| within(channel, MOST_CHANNEL))
+        && within(&spot.intensity, MOST_INTENSITY)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spots_are_what_a_look_can_take_over() {
+        let spot = PanelSpot { position: [-1.0, 2.0], radius: 3.0, color: Some([1.0, 0.5, 0.0]), intensity: 40.0 };
+        assert!(is_sane(&spot));
+        let odd = [
+            PanelSpot { position: [0.0, 101.0], ..spot },
+            PanelSpot { radius: 2000.0, ..spot },
+            PanelSpot { color: Some([1.0, 2e6, 0.0]), ..spot },
+            PanelSpot { intensity: f32::NAN, ..spot },
+        ];
+        assert!(!odd.iter().any(is_sane));
+    }
 }

@@ -114,6 +114,18 @@ impl PreparedLamps {
         Ok((prepared, warnings))
     }
 
+    /// Those of some lamps that can shine, and why each of the others cannot: a file may be gone.
+    pub fn able(lamps: &[FreeLamp], folder: Option<&Path>) -> (PreparedLamps, Vec<LampError>) {
+        let (mut able, mut errors) = (PreparedLamps::default(), Vec::new());
+        for lamp in lamps {
+            match prepare(lamp, folder, &mut Vec::new()) {
+                Ok(lamp) => able.lamps.extend(lamp),
+                Err(error) => errors.push(error),
+            }
+        }
+        (able, errors)
+    }
+
     /// Whether no lamp shines.
     pub fn is_empty(&self) -> bool {
         self.lamps.is_empty()
@@ -326,4 +338,18 @@ fn profile(lamp: &FreeLamp, file: &str, folder: Option<&Path>) -> Result<Arc<Pho
     let path = folder.map_or_else(|| Path::new(file).to_owned(), |folder| folder.join(file));
     let read = read_profile(&path);
     read.map(Arc::new).map_err(|reason| LampError::Profile { key: lamp.key.clone(), file: file.to_owned(), reason })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lamps::tests::lamp;
+
+    #[test]
+    fn a_lamp_that_cannot_shine_leaves_the_others_as_they_are() {
+        let gone = FreeLamp { key: "gone".into(), ..lamp(LampShape::Profile { file: "none.ies".into() }) };
+        let (able, errors) = PreparedLamps::able(&[gone, lamp(LampShape::Point)], None);
+        assert!(able.emission("lamp").is_some() && able.emission("gone").is_none());
+        assert!(matches!(&errors[..], [LampError::Profile { key, .. }] if key == "gone"), "{errors:?}");
+    }
 }

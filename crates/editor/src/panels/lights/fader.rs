@@ -32,11 +32,16 @@ const HANDLE: f32 = 6.5;
 
 /// Place of an intensity on the way from 0 to 1.
 fn place(intensity: f32) -> f32 {
+    place_beyond(intensity).min(1.0)
+}
+
+/// The same where the way goes on above its upper end.
+fn place_beyond(intensity: f32) -> f32 {
     if intensity <= 0.0 {
         return 0.0;
     }
     let t = (intensity.log2() - STOPS[0]) / (STOPS[1] - STOPS[0]);
-    OFF + (1.0 - OFF) * t.clamp(0.0, 1.0)
+    OFF + (1.0 - OFF) * t.max(0.0)
 }
 
 /// Intensity at a place.
@@ -44,7 +49,7 @@ fn at_place(place: f32) -> f32 {
     if place < 0.5 * OFF {
         return 0.0;
     }
-    let t = ((place - OFF) / (1.0 - OFF)).clamp(0.0, 1.0);
+    let t = ((place - OFF) / (1.0 - OFF)).max(0.0);
     tidy((STOPS[0] + t * (STOPS[1] - STOPS[0])).exp2())
 }
 
@@ -136,23 +141,22 @@ fn dragged(ui: &Ui, response: &Response, [low, high]: [Pos2; 2], intensity: f32)
     let at = along(pointer - low);
     let fine = ui.input(|input| input.modifiers.shift);
     let moved = along(ui.input(|input| input.pointer.delta()));
-    // How far the handle is from the pointer: nothing where it was brought there.
+    // How far the handle is from the pointer, nothing where it was brought there; and how far up it may go.
     let id: Id = response.id.with("apart");
     let is_new = ui.input(|input| input.pointer.primary_pressed());
-    let from_handle = place(intensity) - at;
-    let is_held = fine || from_handle.abs() * way <= HANDLE;
-    let apart = match ui.data(|data| data.get_temp::<f32>(id)).filter(|_| !is_new) {
-        Some(apart) => apart - if fine { (1.0 - FINE) * moved } else { 0.0 },
-        None if is_held => from_handle,
-        None => 0.0,
+    let is_held = fine || (place(intensity) - at).abs() * way <= HANDLE;
+    let [apart, most] = match ui.data(|data| data.get_temp::<[f32; 2]>(id)).filter(|_| !is_new) {
+        Some([apart, most]) => [apart - if fine { (1.0 - FINE) * moved } else { 0.0 }, most],
+        None if is_held => [place_beyond(intensity) - at, place_beyond(intensity).max(1.0)],
+        None => [0.0, 1.0],
     };
-    ui.data_mut(|data| data.insert_temp(id, apart));
+    ui.data_mut(|data| data.insert_temp(id, [apart, most]));
     // What is held and rests stays as it is, to the last digit.
     if is_held && is_new || apart != 0.0 && moved == 0.0 {
         return None;
     }
     let to = at + apart;
-    Some(if !fine && (to - place(1.0)).abs() < CATCH { 1.0 } else { at_place(to) })
+    Some(if !fine && (to - place(1.0)).abs() < CATCH { 1.0 } else { at_place(to.min(most)) })
 }
 
 /// Stops that keys and assistive technology ask for.
@@ -216,6 +220,7 @@ mod tests {
             assert!((back - intensity).abs() <= 2e-3 * intensity, "{intensity}: {back}");
         }
         assert_eq!((at_place(0.0), at_place(1.0), place(1e9)), (0.0, 16.0, 1.0));
+        assert!((at_place(place_beyond(100.0)) - 100.0).abs() < 0.2, "it goes on above");
     }
 
     #[test]

@@ -12,6 +12,7 @@ use super::row::{HEIGHT, NUMBER, keyed_ui, letter_ui, mark_ui, name_label_ui};
 use super::scale::{Measure, Shown, number_ui};
 use super::solo;
 use crate::look::groups::own_name;
+use crate::look::lamps::MOST_STRENGTH;
 use crate::panels::menu::context_menu;
 use crate::theme;
 
@@ -172,7 +173,8 @@ fn hand_down(mix: &mut Mix, group: &Group) {
     let Some(own) = mix.look.lights.groups.remove(&group.key) else { return };
     for key in &own.lights {
         let setting = mix.look.lights.own_setting(key);
-        let (intensity, muted) = (setting.intensity * own.intensity, setting.muted || own.muted);
+        let intensity = (setting.intensity * own.intensity).min(MOST_STRENGTH);
+        let muted = setting.muted || own.muted;
         mix.look.lights.set(key, LightSetting { intensity, muted, ..setting });
     }
 }

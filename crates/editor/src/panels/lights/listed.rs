@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
+use std::path::Path;
 
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
+use clerestory_transport::import::read_profile;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use clerestory_transport::light::{LightSetting, PanelSpot, luminance};
 use glam::Vec3;
@@ -12,8 +14,15 @@ use crate::look::Look;
 use crate::panels::color::KelvinChoice;
 use crate::panels::lamps;
 
-/// Lumen of each candela of measured lamps, by the path of their file; none where it cannot be read.
-pub(super) type Profiles = BTreeMap<String, Option<f32>>;
+/// What is known of measured lamps, by the path of their file.
+pub(super) type Profiles = BTreeMap<String, Measured>;
+
+/// What the file of a measured lamp tells; nothing where it cannot be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::panels) struct Measured {
+    lumens_per_candela: Option<f32>,
+    watts: Option<f32>,
+}
 
 /// A light of the panel.
 #[derive(Clone, Debug)]
@@ -33,8 +42,8 @@ pub(in crate::panels) struct Listed<'a> {
 pub(in crate::panels) enum LightOf<'a> {
     /// From the scene.
     Scene(&'a LightSource),
-    /// From the look: the lamp, and lumen of each of its candela where a file tells them.
-    Look(FreeLamp, Option<f32>),
+    /// From the look: the lamp, and what a file tells of it.
+    Look(FreeLamp, Measured),
 }
 
 /// All lights, free lamps first.
@@ -42,7 +51,7 @@ pub(super) fn listed<'a>(basis: &'a LightBasis, look: &Look, profiles: &mut Prof
     let lamps = look.lights.lamps.iter().map(|lamp| Listed {
         key: lamp.key.clone(),
         name: look.name_of(&lamp.key).to_owned(),
-        light: LightOf::Look(lamp.clone(), lumens_per_candela(lamp, profiles)),
+        light: LightOf::Look(lamp.clone(), measured(lamp, profiles)),
         spots: None,
     });
     let is_panel = |source: &LightSource| matches!(source.kind, SourceKind::Panel { .. });
@@ -56,11 +65,12 @@ pub(super) fn listed<'a>(basis: &'a LightBasis, look: &Look, profiles: &mut Prof
 }
 
 /// Reads the file of a measured lamp once.
-fn lumens_per_candela(lamp: &FreeLamp, profiles: &mut Profiles) -> Option<f32> {
-    let LampShape::Profile { file } = &lamp.shape else { return None };
+fn measured(lamp: &FreeLamp, profiles: &mut Profiles) -> Measured {
+    let LampShape::Profile { file } = &lamp.shape else { return Measured::default() };
     let read = || {
         let one = FreeLamp { strength: 1.0, unit: LampUnit::Candela, ..lamp.clone() };
-        one.strength_in(LampUnit::Lumen)
+        let watts = read_profile(Path::new(file)).ok().and_then(|profile| profile.watts());
+        Measured { lumens_per_candela: one.strength_in(LampUnit::Lumen), watts }
     };
     *profiles.entry(file.clone()).or_insert_with(read)
 }
@@ -106,8 +116,8 @@ impl Listed<'_> {
                 (Some(spots), LampUnit::Candela) => Some(source.lumens_of_spots(setting, spots)? / PI),
                 _ => source.amount(setting, unit),
             },
-            LightOf::Look(lamp, per_candela) => {
-                let strength = match (lamp.unit, unit, per_candela) {
+            LightOf::Look(lamp, measured) => {
+                let strength = match (lamp.unit, unit, measured.lumens_per_candela) {
                     (has, wanted, _) if has == wanted => Some(lamp.strength),
                     (LampUnit::Candela, LampUnit::Lumen, Some(lumens)) => Some(lamp.strength * lumens),
                     (LampUnit::Lumen, LampUnit::Candela, Some(lumens)) => Some(lamp.strength / lumens),
@@ -118,6 +128,15 @@ impl Listed<'_> {
                 Some(strength? * luminance(setting.tint(Vec3::ONE)) * setting.intensity)
             }
         }
+    }
+
+    /// Electrical power in watt that its profile states.
+    pub fn watts(&self) -> Option<f32> {
+        let watts = match &self.light {
+            LightOf::Scene(source) => source.origin.watts,
+            LightOf::Look(_, measured) => measured.watts,
+        };
+        watts.filter(|watts| *watts > 0.0)
     }
 
     /// The unit that the file counts it in, if it does.
@@ -159,7 +178,21 @@ mod tests {
     use clerestory_transport::origin::LightOrigin;
 
     use super::*;
+    use crate::panels::lights::scale::Scale;
     use crate::schedule::Schedule;
+
+    #[test]
+    fn watts_are_those_of_the_profile_where_it_states_some() {
+        let bare = LightOrigin { lumens: Some(4.0), ..LightOrigin::default() };
+        let stated = LightOrigin { watts: Some(17.0), ..bare.clone() };
+        for (origin, watts) in [(bare, 2.0), (stated, 17.0)] {
+            let source = LightSource { origin, strength: 50.0, ..LightSource::plain("l", SourceKind::Point, 0..1) };
+            let basis = LightBasis::new(vec![source]);
+            let lights = listed(&basis, &Look::default(), &mut Profiles::new());
+            let measure = Scale::Watt.measure(&lights[0], &LightSetting::default(), 100.0);
+            assert!((measure.number(1.0) - watts).abs() < 1e-3, "{measure:?}");
+        }
+    }
 
     #[test]
     fn the_flux_of_a_panel_is_what_its_spots_leave_of_it_here_and_in_the_schedule() {

@@ -24,7 +24,7 @@ pub enum Scale {
     Lux,
     /// Luminance.
     Nit,
-    /// Power at a luminous efficacy.
+    /// Power that a profile states, else that at a luminous efficacy.
     Watt,
 }
 
@@ -80,6 +80,11 @@ impl Scale {
     /// factors.
     pub(super) fn measure(self, light: &Listed, setting: &LightSetting, efficacy: f32) -> Measure {
         let Some(unit) = self.unit() else { return self.of_group() };
+        if self == Scale::Watt
+            && let Some(watts) = light.watts()
+        {
+            return Measure::Amount { at_one: f64::from(watts), unit: self.name() };
+        }
         let one = LightSetting { intensity: 1.0, ..*setting };
         let amount = |unit| light.amount(&one, unit).filter(|at_one| *at_one > 0.0).map(f64::from);
         if let Some(at_one) = amount(unit) {
@@ -227,7 +232,10 @@ pub(super) fn number_ui(
     intensity: &mut f32,
     width: f32,
 ) -> Response {
-    let mut number = measure.number(*intensity);
+    // Stops of a light that is off are counted from the file: where they are off, twenty more would not be seen.
+    let is_off = measure == Measure::Stops && *intensity == 0.0;
+    let mut number = if is_off { beside(0.0, OFF_EV) } else { measure.number(*intensity) };
+    let off = Some(number).filter(|_| is_off);
     let range = match measure {
         Measure::Stops => OFF_EV..=FACTOR_MAX.log2(),
         Measure::Factor | Measure::Amount { .. } => 0.0..=measure.number(FACTOR_MAX as f32),
@@ -245,6 +253,7 @@ pub(super) fn number_ui(
     let drag = drag.read(move |text| typed(text, measure));
     let drag = drag.words(move |number, _| match shown {
         Shown::Mixed => "mixed".into(),
+        Shown::WithUnit | Shown::Bare if Some(number) == off => measure.digits(OFF_EV),
         Shown::WithUnit | Shown::Bare => measure.digits(number),
     });
     let tip = match measure {

@@ -1,8 +1,8 @@
 //! The timeline: keys on a ruler, a playhead that is dragged or runs, and frames for files.
 
 use eframe::egui::{
-    self, Align2, Button, Color32, ComboBox, FontId, ProgressBar, Rect, Response, RichText, Sense, Shape, Stroke,
-    StrokeKind, Ui, pos2, vec2,
+    self, Align2, Button, Color32, ComboBox, FontId, PointerButton, ProgressBar, Rect, Response, RichText, Sense,
+    Shape, Stroke, StrokeKind, Ui, pos2, vec2,
 };
 
 use super::{LooksView, NO_PICTURE, in_row};
@@ -288,23 +288,24 @@ fn track_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
 /// A press on a key drags it; elsewhere the playhead comes to the pointer.
 fn drag_ui(ui: &Ui, response: &Response, ruler: &Ruler, look: &mut Look, player: &mut Player) {
     let Some(pointer) = response.interact_pointer_pos() else { return };
-    if response.drag_started() || response.clicked() {
+    if response.drag_started_by(PointerButton::Primary) || response.clicked() {
         response.request_focus();
     }
-    if response.drag_started() {
+    if response.drag_started_by(PointerButton::Primary) {
         let press = ui.input(|input| input.pointer.press_origin()).unwrap_or(pointer);
         let distance = |key: &Key| (pos2(ruler.x(key.secs), ruler.rect.top() + LINE) - press).length();
         player.dragged = look.timeline.keys.iter().position(|key| distance(key) < 1.5 * REACH);
         player.chosen = player.dragged.or(player.chosen);
     }
+    let is_dragged = response.dragged_by(PointerButton::Primary);
     let secs = ruler.secs_at(pointer.x);
     let on_frame = (secs * look.timeline.fps).round() / look.timeline.fps;
     match player.dragged {
-        Some(idx) if response.dragged() => {
+        Some(idx) if is_dragged => {
             player.dragged = Some(look.timeline.move_to(idx, on_frame));
             player.chosen = player.dragged;
         }
-        None if (response.dragged() || response.clicked()) && !look.timeline.keys.is_empty() => {
+        None if (is_dragged || response.clicked()) && !look.timeline.keys.is_empty() => {
             (player.playhead, player.playing) = (Some(on_frame), false);
         }
         _ => {}

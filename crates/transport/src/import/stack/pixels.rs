@@ -8,7 +8,7 @@ use super::MAX_PIXELS;
 use crate::camera::Film;
 use crate::import::files::{check_pixels, guarded, of_file, of_image};
 use crate::import::openexr::{self, Beside, Wanted};
-use crate::import::radiance;
+use crate::import::radiance::{self, RadiancePicture};
 use crate::texture::srgb_to_linear;
 
 /// Most bytes that decoding one picture may take beside its pixels.
@@ -76,8 +76,8 @@ pub fn decode_picture(bytes: &[u8]) -> Result<Picture, String> {
             Ok(Picture { size, pixels, was_encoded: false, remark })
         }
         Kind::Radiance => {
-            let (size, pixels) = radiance::decode(bytes, |_| Ok(()))?;
-            Ok(Picture { size, pixels, was_encoded: false, remark: None })
+            let RadiancePicture { size, pixels, remark, .. } = radiance::decode(bytes, |_| Ok(()))?;
+            Ok(Picture { size, pixels, was_encoded: false, remark })
         }
         Kind::Encoded => decode_encoded(bytes),
     })

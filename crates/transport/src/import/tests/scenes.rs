@@ -37,6 +37,19 @@ fn lamps_shine_along_minus_z_of_their_node() {
 }
 
 #[test]
+fn a_lamp_beyond_all_numbers_is_left_out_and_reported() {
+    let mut fixture = Fixture::new();
+    fixture.root["extensions"] = json!({"KHR_lights_punctual": {"lights": [
+        {"type": "point", "intensity": 1e30, "color": [1e30, 1, 1]}]}});
+    fixture.root["nodes"] = json!([{"extensions": {"KHR_lights_punctual": {"light": 0}}}]);
+    fixture.root["scenes"][0]["nodes"] = json!([0]);
+    let imported = fixture.load();
+    assert!(imported.scene.punctual.is_empty());
+    let told = &imported.report.warnings;
+    assert!(told.iter().any(|words| words.contains("is out of range")), "{told:?}");
+}
+
+#[test]
 fn nodes_know_what_stands_above_them_and_what_they_are_instances_of() {
     let mut fixture = Fixture::triangle();
     fixture.root["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point", "name": "Bulb"}]}});

@@ -68,6 +68,18 @@ fn factors_out_of_range_are_brought_back_and_reported() {
 }
 
 #[test]
+fn an_emission_beyond_all_numbers_is_left_out_and_reported() {
+    let imported = Fixture::triangle()
+        .material(json!({
+            "emissiveFactor": [1e30, 1, 0],
+            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 1e30}},
+        }))
+        .load();
+    assert_eq!(imported.scene.materials[0].emitted_radiance(), Vec3::ZERO);
+    assert_eq!(imported.report.warnings.len(), 1, "{:?}", imported.report.warnings);
+}
+
+#[test]
 fn what_may_be_seen_through_and_never_is_is_opaque() {
     let alpha = |mode: &str, alpha: f32, texel: u8, vertex: f32| {
         let pixel = image::RgbaImage::from_pixel(1, 1, image::Rgba([9, 9, 9, texel]));
