@@ -16,7 +16,7 @@ pub(crate) fn prepare(gpu: &Gpu, n_bytes: u64) -> (u64, [wgpu::Buffer; 2], wgpu:
     let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
     let buffers = ["from", "to"].map(|name| storage(gpu, name, n_bytes, usage));
     gpu.queue.write_buffer(&buffers[0], 0, &content(n_bytes));
-    (n_bytes, buffers, pipeline(gpu, COPY.0, COPY.1))
+    (n_bytes, buffers, pipeline(gpu, COPY.0, COPY.1, &[]))
 }
 
 /// Any bytes that are finite numbers.
