@@ -283,10 +283,10 @@ mod tests {
     #[test]
     fn kelvin_are_typed_in_thousands_too() {
         assert_eq!(
-            ["2700", " 2700 K", "2700k", "2.7k", "3 kK", "100"].map(kelvins),
-            [Some(2700.0), Some(2700.0), Some(2700.0), Some(2700.0), Some(3000.0), Some(100.0)]
+            ["2700", " 2700 K", "2700k", "2.7k", "2,7k", "3 kK", "100"].map(kelvins),
+            [2700.0, 2700.0, 2700.0, 2700.0, 2700.0, 3000.0, 100.0].map(Some)
         );
-        assert_eq!(["", "K", "warm", "2,7k", "nan"].map(kelvins), [None; 5]);
+        assert_eq!(["", "K", "warm", "2,700k", "nan"].map(kelvins), [None; 5]);
     }
 
     #[test]
