@@ -55,8 +55,9 @@ impl Question<'_> {
         let is_free = |ray: &Ray| exact::closest(triangles, ray).is_infinite();
         match self {
             Question::Closest(rays) => {
+                let apart = rounding(triangles);
                 // A hit and none are not the same, so the smaller counts.
-                let same = |a: f64, b: f64| a == b || (a - b).abs() <= 1e-3 * a.min(b);
+                let same = |a: f64, b: f64| a == b || (a - b).abs() <= 1e-3 * a.min(b) + apart;
                 for ray in rays.iter() {
                     let told = [one.closest(ray), other.closest(ray)].map(f64::from);
                     settled.add(told, same, || exact::closest(triangles, ray));
@@ -81,7 +82,16 @@ impl Question<'_> {
     }
 }
 
-/// Rays that two trees answer otherwise, hits a thousandth apart being the same.
+/// Steps of single precision at the corner farthest out that a hit may be off.
+const ROUNDINGS: f32 = 8.0;
+
+/// How far hits may lie apart because corners and origins are in single precision.
+fn rounding(triangles: &[[Vec3; 3]]) -> f64 {
+    let farthest = triangles.iter().flatten().map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
+    f64::from(ROUNDINGS * f32::EPSILON * farthest)
+}
+
+/// Rays that two trees answer otherwise, hits a thousandth apart, or within rounding, being the same.
 #[derive(Default)]
 pub struct Settled {
     pub n_differ: usize,

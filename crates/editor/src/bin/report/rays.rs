@@ -36,7 +36,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          Million rays per second of one thread: ours / obvhs' CWBVH at its slowest preset as it comes = ratio. The same rays, in one process,\n\
          in turn, the best of four passes, CPU time, behind it the ratios of single passes, least…greatest. Rays of the camera; rays scattered on from what it sees; shadow rays towards a panel of\n\
          1 m² under the ceiling; fans of sixteen of them towards neighboring texels (single rays where there are no fans). Builders in CPU\n\
-         seconds. Aimed at: {}, what Embree is said to reach with single rays, which this command does not measure. Rays of the camera have seed 1, scattered ones 2, shadow rays 3. The last column counts rays that the two answer otherwise, hits a thousandth apart being the same: {}; behind it how many of them ours / the other answers other than all triangles do in double precision. {}\n\n\
+         seconds. Aimed at: {}, what Embree is said to reach with single rays, which this command does not measure. Rays of the camera have seed 1, scattered ones 2, shadow rays 3. The last column counts rays that the two answer otherwise, hits a thousandth apart, or eight steps of single precision at the corner farthest out, being the same: {}; behind it how many of them ours / the other answers other than all triangles do in double precision. {}\n\n\
          | scene | triangles | build | {} | answered otherwise |\n\
          |---|---|---|---|---|---|---|---|\n{rows}",
         KINDS
