@@ -19,7 +19,7 @@ use clerestory_transport::skips::Skips;
 use clerestory_transport::stop::Stop;
 
 use super::desk::{Desk, program};
-use super::lamps::tables::Goal;
+use super::goal::Goal;
 
 const FILM: Film = Film { width: 96, height: 72 };
 /// Patches for movable lamps.

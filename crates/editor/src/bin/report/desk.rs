@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
@@ -92,21 +92,21 @@ impl Desk {
             cpu_name(),
             std::env::consts::OS,
             memory_words(memory_bytes()),
-            secs_words(self.secs(), *self.earlier_secs.lock().unwrap_or_else(PoisonError::into_inner)),
+            secs_words(self.secs(), *held(&self.earlier_secs)),
         )
     }
 
     /// Seconds that the section took, in this run and, as far as its parts were kept, before an interruption.
     pub fn secs(&self) -> f64 {
-        let now = self.begun_at.lock().unwrap_or_else(PoisonError::into_inner).elapsed().as_secs_f64();
-        now + *self.earlier_secs.lock().unwrap_or_else(PoisonError::into_inner)
+        let now = held(&self.begun_at).elapsed().as_secs_f64();
+        now + *held(&self.earlier_secs)
     }
 
     /// A section begins: what others compute is counted from here on.
     pub fn begin(&self) {
-        *self.earlier_secs.lock().unwrap_or_else(PoisonError::into_inner) = 0.0;
-        *self.begun_at.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
-        *self.begun.lock().unwrap_or_else(PoisonError::into_inner) = Computed::now();
+        *held(&self.earlier_secs) = 0.0;
+        *held(&self.begun_at) = Instant::now();
+        *held(&self.begun) = Computed::now();
     }
 
     /// Says how busy others kept the machine since the section began, where the system tells; nothing where they hardly did.
@@ -136,7 +136,7 @@ impl Desk {
         measure: impl FnOnce() -> Result<T>,
     ) -> Result<T> {
         let (value, earlier_secs) = self.kept.part(&self.parts_of(section), part, measure)?;
-        *self.earlier_secs.lock().unwrap_or_else(PoisonError::into_inner) += earlier_secs.unwrap_or(0.0);
+        *held(&self.earlier_secs) += earlier_secs.unwrap_or(0.0);
         Ok(value)
     }
 
@@ -261,6 +261,11 @@ fn commit(root: &Path) -> Option<String> {
     let changed = git(&["status", "--porcelain", "--", "crates", "assets", "Cargo.lock"])?;
     let changed = if changed.is_empty() { "" } else { ", changed since" };
     Some(format!(" ({commit}{changed})"))
+}
+
+/// What a lock holds: the report ends with whatever fails in it.
+fn held<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
+    lock.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Seconds in words, and how many of them were before an interruption.

@@ -87,11 +87,6 @@ pub fn told_beside_two(entries: impl Iterator<Item = [f64; 3]>) -> Option<Told> 
     (sum.n > 0.0).then(told)
 }
 
-/// The dB of [`told_beside_two`].
-pub fn beside_two(entries: impl Iterator<Item = [f64; 3]>) -> Option<f64> {
-    told_beside_two(entries).map(|told| told.db)
-}
-
 /// [`told_beside_two`] of the pixels of pictures that are not left out.
 pub fn pixels_beside_two(x: &Radiance, [a, b]: [&Radiance; 2], is_left_out: &[bool]) -> Option<Told> {
     let pixels = (0..x.pixels.len()).filter(|&nth| !is_left_out[nth]);
@@ -99,10 +94,9 @@ pub fn pixels_beside_two(x: &Radiance, [a, b]: [&Radiance; 2], is_left_out: &[bo
     told_beside_two(pixels.flat_map(|nth| (0..3).map(move |channel| (nth, channel))).map(entry))
 }
 
-/// [`beside_two`] of all entries of pictures.
-pub fn pictures_beside_two(x: &Radiance, [a, b]: [&Radiance; 2]) -> Option<f64> {
-    let [x, a, b] = [x, a, b].map(|picture| picture.pixels.iter().flatten().map(|&value| f64::from(value)));
-    beside_two(x.zip(a.zip(b)).map(|(x, (a, b))| [x, a, b]))
+/// The dB of [`pixels_beside_two`] where none is left out.
+pub fn pictures_beside_two(x: &Radiance, traced: [&Radiance; 2]) -> Option<f64> {
+    pixels_beside_two(x, traced, &vec![false; x.pixels.len()]).map(|told| told.db)
 }
 
 /// PSNR in dB of a picture x beside two pictures a and b whose noise is their own: all exposed to four times the median luminance of the

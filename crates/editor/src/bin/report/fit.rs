@@ -1,7 +1,5 @@
 //! What a few measured points say: where a curve crosses a target, how steeply something grows, how far repeats lie apart.
 
-use super::lamps::tables::Goal;
-
 /// Seconds at which an error is reached, between the two points around it, dB over the logarithm of time; points are
 /// (seconds, dB). `None` if no two neighbors lie on both sides.
 pub fn secs_at(target_db: f64, points: &[[f64; 2]]) -> Option<f64> {
@@ -89,14 +87,6 @@ pub fn cpu_words(values: Vec<f64>) -> String {
     })
 }
 
-/// Whether no gain in dB falls below nothing, and where the least is.
-pub fn gains_words(gains: &[(String, f64)]) -> String {
-    let worst = gains.iter().min_by(|a, b| a.1.total_cmp(&b.1));
-    worst.map_or("nothing to tell".into(), |(name, db)| {
-        format!("{}: {db:+.1} dB at worst ({name})", Goal::Least(0.0).word(*db))
-    })
-}
-
 fn spread_told(values: Vec<f64>, tell: fn(f64) -> String) -> String {
     let n = values.len();
     let [least, median, greatest] = spread(&values).map(tell);
@@ -134,14 +124,6 @@ mod tests {
             ["0.00", "0.0042", "0.081", "0.25", "1.2", "12"]
         );
         assert_eq!([0.000_999_7, 0.0997, 0.9996, 9.97].map(digits), ["0.0010", "0.10", "1.0", "10"]);
-    }
-
-    #[test]
-    fn the_worst_gain_is_named_with_whether_it_is_one() {
-        let gains = |db: [f64; 2]| gains_words(&[("a hall".into(), db[0]), ("a room".into(), db[1])]);
-        assert_eq!(gains([2.0, -0.5]), "missed: -0.5 dB at worst (a room)");
-        assert_eq!(gains([0.0, 1.5]), "kept: +0.0 dB at worst (a hall)");
-        assert_eq!(gains_words(&[]), "nothing to tell");
     }
 
     #[test]

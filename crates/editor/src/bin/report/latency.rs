@@ -23,7 +23,7 @@ use clerestory_transport::scene::{PunctualLight, Scene};
 use self::painter::Painter;
 use self::window::Window;
 use super::desk::Desk;
-use super::lamps::tables::Goal;
+use super::goal::Goal;
 
 /// Lamps beside the panel.
 const LAMPS: usize = 20;

@@ -18,6 +18,7 @@ mod errors;
 mod files;
 mod fit;
 mod fronts;
+mod goal;
 mod growth;
 mod hardware;
 mod kept;

@@ -16,7 +16,7 @@ use clerestory_transport::scene::Scene;
 use super::desk::{Desk, process_secs};
 use super::errors::ColumnErrors;
 use super::fit::{secs_at, tenths};
-use super::lamps::tables::Goal;
+use super::goal::Goal;
 use super::reference::{Reference, Sampling};
 
 /// Scattering events beyond the first, as the peers had them.

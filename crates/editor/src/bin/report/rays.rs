@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use serde_json::Value;
 
 use super::desk::{Desk, number};
-use super::lamps::tables::Goal;
+use super::goal::Goal;
 
 /// Kinds of rays, in the order of the table.
 const KINDS: [&str; 4] = ["primary", "bounce", "shadow", "fan16"];

@@ -19,8 +19,8 @@ use glam::Vec3;
 use self::whole::Window;
 use super::desk::Desk;
 use super::fit::{median, spread};
+use super::goal::Goal;
 use super::lamps::spent::bake;
-use super::lamps::tables::Goal;
 use super::lamps::{cases, lamp, place, prepared};
 
 /// Size of the picture whose steps are timed.

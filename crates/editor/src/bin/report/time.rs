@@ -14,7 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::desk::Desk;
-use super::fit::{gains_words, secs_between, secs_words, spread, spread_words, tenths};
+use super::fit::{secs_between, secs_words, spread, spread_words, tenths};
+use super::goal::gains_words;
 use super::plot::{Axis, Panel, Scale, Series};
 
 /// Errors that times are told for, in dB.

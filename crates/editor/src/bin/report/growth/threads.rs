@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::{Bench, job, room};
 use crate::desk::Desk;
 use crate::fit::{hundredths, median, spread_words};
-use crate::lamps::tables::Goal;
+use crate::goal::Goal;
 
 /// Times that each number of threads is measured, in turn, in a hurry and else.
 const TURNS: [usize; 2] = [3, 7];

@@ -8,6 +8,7 @@ use super::spent::Spent;
 use super::{BAKE_SPP, LUMEN, TRACED_SPP, WIDTHS};
 use crate::desk::Desk;
 use crate::fit::median;
+use crate::goal::Goal;
 
 /// What is told of scenes.
 #[derive(Default, Serialize, Deserialize)]
@@ -37,35 +38,6 @@ pub struct Bytes {
 
 /// Both L2 of a place whose light does not drown, and the place.
 type Seen<'a> = ([f64; 2], &'a Place);
-
-/// Which side of a number is good.
-#[derive(Clone, Copy)]
-pub enum Goal {
-    Most(f64),
-    Least(f64),
-}
-
-impl Goal {
-    /// `kept` or `missed`.
-    pub fn word(self, value: f64) -> &'static str {
-        if self.is_kept(value) { "kept" } else { "missed" }
-    }
-
-    /// Whether a value is on the right side.
-    pub fn is_kept(self, value: f64) -> bool {
-        match self {
-            Goal::Most(most) => value <= most,
-            Goal::Least(least) => value >= least,
-        }
-    }
-
-    /// Whether the median keeps it, and how many do.
-    fn of_many(self, values: &[f64], words: impl Fn(f64) -> String) -> String {
-        let Some(median) = median(values) else { return "none".into() };
-        let n_kept = values.iter().filter(|value| self.is_kept(**value)).count();
-        format!("{}: {}, {n_kept} of {}", self.word(median), words(median), values.len())
-    }
-}
 
 fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
@@ -201,15 +173,6 @@ impl Told {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_goal_is_kept_where_the_median_keeps_it() {
-        let told = |goal: Goal, values: &[f64]| goal.of_many(values, percent);
-        assert_eq!(told(Goal::Most(0.05), &[0.02, 0.04, 0.09]), "kept: 4.0 %, 2 of 3");
-        assert_eq!(told(Goal::Most(0.05), &[0.02, 0.09]), "missed: 5.5 %, 1 of 2");
-        assert_eq!(told(Goal::Least(0.05), &[0.02, 0.09]), "kept: 5.5 %, 1 of 2");
-        assert_eq!(told(Goal::Most(0.05), &[]), "none");
-    }
 
     #[test]
     fn places_that_drown_count_for_nothing_but_their_number() {

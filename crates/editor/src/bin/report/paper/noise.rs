@@ -15,7 +15,7 @@ use super::beside::mean_psnr_db;
 use super::lights::lights;
 use super::{SEED, approximated, sampling};
 use crate::desk::Desk;
-use crate::fit::gains_words;
+use crate::goal::gains_words;
 use crate::matrix::baked;
 use crate::methods::dense::Picture;
 use crate::methods::own;

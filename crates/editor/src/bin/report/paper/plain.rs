@@ -13,7 +13,7 @@ use clerestory_transport::trace::TraceConfig;
 use super::{SCENES, SEED};
 use crate::desk::Desk;
 use crate::fit::{digits, median, spread, spread_words};
-use crate::lamps::tables::Goal;
+use crate::goal::Goal;
 use crate::matrix::{baked, divided, process_cpu_secs};
 use crate::rendered::rendered;
 

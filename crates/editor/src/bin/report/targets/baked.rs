@@ -7,7 +7,7 @@ use clerestory_transport::camera::Film;
 use serde::{Deserialize, Serialize};
 
 use crate::desk::{Desk, clerestory, number};
-use crate::lamps::tables::Goal;
+use crate::goal::Goal;
 
 /// The ratio that is aimed at.
 #[derive(Clone, Copy)]

@@ -13,7 +13,7 @@ use super::runs::{Judge, job};
 use super::{Subject, prepared};
 use crate::desk::Desk;
 use crate::fit::{median, spread_words};
-use crate::lamps::tables::Goal;
+use crate::goal::Goal;
 use crate::matrix::process_cpu_secs;
 use crate::under_way::{ends_a_pass, run_until};
 

@@ -13,7 +13,7 @@ use clerestory_transport::light::LightRig;
 use crate::desk::Desk;
 use crate::errors::BEST_DB;
 use crate::fit::{digits, median, spread_words};
-use crate::lamps::tables::Goal;
+use crate::goal::Goal;
 use crate::methods::planes::Planes;
 
 /// What the paper reached on a laptop's GPU of its day, milliseconds.
