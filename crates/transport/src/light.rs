@@ -74,6 +74,17 @@ pub struct PanelSpot {
     pub intensity: f32,
 }
 
+impl PanelSpot {
+    /// Farthest coordinate of its middle that is read, on either side: it may stand beside its panel.
+    pub const MOST_AWAY: f32 = 100.0;
+    /// Largest radius that is read.
+    pub const MOST_RADIUS: f32 = 1000.0;
+    /// Greatest intensity that is read.
+    pub const MOST_INTENSITY: f32 = 1e9;
+    /// Greatest channel of a color that is read.
+    pub const MOST_CHANNEL: f32 = 1e6;
+}
+
 /// What a node of a file keeps of its lights while they are off: `extras: {"clerestory": {"muted": …}}`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MutedLights {

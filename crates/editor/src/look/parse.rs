@@ -12,15 +12,15 @@ use super::place::{self, Step};
 use super::{Display, LOOK_VERSION, Look, damage, repeated};
 
 /// Multipliers of a lamp.
-pub(super) const INTENSITY: RangeInclusive<f64> = 0.0..=1e9;
+pub(super) const INTENSITY: RangeInclusive<f64> = 0.0..=PanelSpot::MOST_INTENSITY as f64;
 /// Channels of a linear color.
-const CHANNEL: RangeInclusive<f64> = 0.0..=1e6;
+const CHANNEL: RangeInclusive<f64> = 0.0..=PanelSpot::MOST_CHANNEL as f64;
 /// Correlated color temperature.
 const KELVIN: RangeInclusive<f64> = 500.0..=100_000.0;
 /// Panel coordinates; a spot may stand beside its panel.
-const POSITION: RangeInclusive<f64> = -100.0..=100.0;
+const POSITION: RangeInclusive<f64> = -PanelSpot::MOST_AWAY as f64..=PanelSpot::MOST_AWAY as f64;
 /// Radius of a spot in shorter sides of its panel.
-const RADIUS: RangeInclusive<f64> = 0.0..=1000.0;
+const RADIUS: RangeInclusive<f64> = 0.0..=PanelSpot::MOST_RADIUS as f64;
 
 /// Members that say how a scene is lit and shown, of a look and of each of its snapshots.
 pub(super) const LIGHTING: [&str; 6] = ["lights", "panels", "sky", "lamps", "groups", "display"];

@@ -16,9 +16,6 @@ use crate::theme;
 pub const NEW_SPOT: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 0.2, color: None, intensity: 1.0 };
 /// Longer side of the pad in points.
 const PAD_SIDE: f32 = 120.0;
-/// Most that a look holds, so that it can be opened again.
-const MOST_RADIUS: f32 = 1000.0;
-const MOST_INTENSITY: f32 = 1e9;
 /// How far an arrow key moves a spot, in texels.
 const KEY_STEP_TEXELS: f32 = 0.25;
 /// Distance in points at which a handle is still touched.
@@ -166,7 +163,7 @@ fn amounts_ui(ui: &mut Ui, name: &str, spot: &mut PanelSpot) {
     let radius = Slider::new(&mut across, 0.02..=1.0).clamping(egui::SliderClamping::Never).fixed_decimals(2);
     let radius = slider_ui(ui, radius, Spelling::default()).on_hover_text("Radius, in shorter sides of the panel");
     if radius.accessible_name(format!("{name} spot radius")).changed() {
-        spot.radius = across.clamp(0.0, MOST_RADIUS);
+        spot.radius = across.clamp(0.0, PanelSpot::MOST_RADIUS);
     }
     ui.label(RichText::new("Intensity").small().weak());
     let mut level = spot.intensity;
@@ -174,7 +171,7 @@ fn amounts_ui(ui: &mut Ui, name: &str, spot: &mut PanelSpot) {
     let intensity = intensity.clamping(egui::SliderClamping::Never);
     let intensity = slider_ui(ui, intensity, Spelling::default()).on_hover_text("Intensity");
     if intensity.accessible_name(format!("{name} spot intensity")).changed() {
-        spot.intensity = level.clamp(0.0, MOST_INTENSITY);
+        spot.intensity = level.clamp(0.0, PanelSpot::MOST_INTENSITY);
     }
 }
 

@@ -9,12 +9,6 @@ use crate::light::PanelSpot;
 
 /// Most spots of a panel.
 const MOST_SPOTS: usize = 1000;
-/// Largest coordinate, radius, channel of a color, and intensity: as much as a look holds.
-const MOST_AWAY: f32 = 100.0;
-const MOST_RADIUS: f32 = 1000.0;
-const MOST_CHANNEL: f32 = 1e6;
-const MOST_INTENSITY: f32 = 1e9;
-
 /// The spots of a node, if it marks some that make sense.
 pub(super) fn marked(node: &Node, index: usize, notes: &mut Notes) -> Option<Vec<PanelSpot>> {
     let asked = extra(node, "spots")?;
@@ -29,10 +23,10 @@ pub(super) fn marked(node: &Node, index: usize, notes: &mut Notes) -> Option<Vec
 
 fn is_sane(spot: &PanelSpot) -> bool {
     let within = |value: &f32, most: f32| (0.0..=most).contains(value);
-    spot.position.iter().all(|coordinate| coordinate.abs() <= MOST_AWAY)
-        && within(&spot.radius, MOST_RADIUS)
-        && spot.color.iter().flatten().all(|channel| within(channel, MOST_CHANNEL))
-        && within(&spot.intensity, MOST_INTENSITY)
+    spot.position.iter().all(|coordinate| coordinate.abs() <= PanelSpot::MOST_AWAY)
+        && within(&spot.radius, PanelSpot::MOST_RADIUS)
+        && spot.color.iter().flatten().all(|channel| within(channel, PanelSpot::MOST_CHANNEL))
+        && within(&spot.intensity, PanelSpot::MOST_INTENSITY)
 }
 
 #[cfg(test)]
