@@ -38,17 +38,22 @@ pub(super) fn prepared(lamps: &[FreeLamp], look: Option<&Path>, console: &mut Co
     Ok(lamps)
 }
 
-/// Says so where something was typed for lamps of looks that have none.
+/// Options that were typed and are about lamps of looks.
+pub(super) fn options_of_lamps(args: &RelightArgs) -> impl Iterator<Item = &'static str> {
+    let all = [("--scene", args.scene.is_some()), ("--lamp-samples", args.lamp_samples != DEFAULT_SAMPLES)];
+    all.into_iter().filter_map(|(option, is_typed)| is_typed.then_some(option))
+}
+
+/// Says so where options were typed for lamps of looks that have none.
 pub(super) fn warn_of_no_lamps<'a>(
     rigs: impl IntoIterator<Item = &'a LightRig>,
-    args: &RelightArgs,
+    typed: impl IntoIterator<Item = &'static str>,
     console: &mut Console,
 ) {
     if rigs.into_iter().any(|rig| !rig.lamps.is_empty()) {
         return;
     }
-    let typed = [("--scene", args.scene.is_some()), ("--lamp-samples", args.lamp_samples != DEFAULT_SAMPLES)];
-    for (option, _) in typed.into_iter().filter(|(_, is_typed)| *is_typed) {
+    for option in typed {
         console.warn(&format!("{option} changes nothing: the look has no lamps of its own"));
     }
 }

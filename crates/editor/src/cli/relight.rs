@@ -42,7 +42,7 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
     target.options.window([bake.header.width, bake.header.height])?;
     target.look = chosen(&target.document, &args.options, &bake.header.basis, console)?;
     let paths = (args.options.look.as_deref(), args.scene.as_deref());
-    lamps::warn_of_no_lamps([&target.look.lights], args, console);
+    lamps::warn_of_no_lamps([&target.look.lights], lamps::options_of_lamps(args), console);
     let measures = target.options.irradiance || target.look.shows_irradiance(target.format);
     let quality = (Arriving::of(&bake, measures), args.lamp_samples);
     let lamps = LampLight::of(&bake, &target.look, paths, quality, console)?;

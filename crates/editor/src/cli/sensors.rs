@@ -14,7 +14,7 @@ use serde_json::json;
 
 use super::args::SensorsArgs;
 use super::console::{Answer, Console};
-use super::lamps::{DIRECT_LUX, prepared, stage};
+use super::lamps::{DIRECT_LUX, prepared, stage, warn_of_no_lamps};
 use super::view::{load_bake, load_look, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::illuminance::{AddedLux, FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words};
 use crate::look::Look;
@@ -88,9 +88,7 @@ fn readings<'a>(bake: &'a Bake, light: (&LightRig, &AddedLux)) -> Result<Vec<Rea
 /// What the lamps of a look add, where the scene is named.
 fn added(args: &SensorsArgs, bake: &Bake, look: &Look, console: &mut Console) -> Result<AddedLux> {
     let lamps = look.lights.lit_lamps();
-    if lamps.is_empty() && args.scene.is_some() {
-        console.warn("--scene changes nothing: the look has no lamps of its own");
-    }
+    warn_of_no_lamps([&look.lights], args.scene.as_ref().map(|_| "--scene"), console);
     if lamps.iter().all(|lamp| lamp.setting.muted) {
         return Ok(AddedLux::default());
     }

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::args::{Layers, RelightArgs};
 use super::console::{Answer, Console, duration_words};
-use super::lamps::{Arriving, LampLight, added_lux, warn_of_no_lamps};
+use super::lamps::{Arriving, LampLight, added_lux, options_of_lamps, warn_of_no_lamps};
 use super::picture::options;
 use super::relight::{Lit, irradiance_for};
 use super::view::{load_bake, load_look, spare_look, warn_of_black, warn_of_unknown_lights};
@@ -39,7 +39,7 @@ pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer>
         })
         .collect::<Result<_>>()?;
     let bake = load_bake(&args.transport)?;
-    warn_of_no_lamps(looks.iter().map(|(_, _, look)| &look.lights), args, console);
+    warn_of_no_lamps(looks.iter().map(|(_, _, look)| &look.lights), options_of_lamps(args), console);
     let file = options.window([bake.header.width, bake.header.height])?;
     check_size(looks.len(), [file.width, file.height])?;
     let graphics = super::relight::open_graphics(args.options.device)?;
