@@ -275,7 +275,7 @@ fn names_with_dots_and_signs_are_taken_as_they_are_and_frames_get_their_ending()
     assert_eq!(typed(&window), "v1.2_##.png");
     type_path(&mut window, "g_##");
     click(&mut window, "Save");
-    wait(&mut window, |_| at("g_00.png").exists());
+    wait(&mut window, |app| app.session().frames().is_none() && at("g_00.png").exists());
 
     for (label, number) in [("Frames per second", 240.0), ("Time of the key", 86_400.0)] {
         window.get_by_label(label).set_value_accesskit(number);
