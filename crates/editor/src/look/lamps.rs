@@ -12,8 +12,10 @@ use super::parse::{INTENSITY, Reader};
 use super::write::{member, setting_members, value};
 use super::{Look, groups};
 
+/// Farthest from the origin along each axis, meters.
+pub const FARTHEST_M: f32 = 1e6;
 /// World-space coordinates in meters.
-const PLACE_M: std::ops::RangeInclusive<f64> = -1e6..=1e6;
+const PLACE_M: std::ops::RangeInclusive<f64> = -FARTHEST_M as f64..=FARTHEST_M as f64;
 /// Sides and radii in meters; 0 is a lamp without size.
 const SIZE_M: std::ops::RangeInclusive<f64> = 0.0..=1e4;
 /// Half angles of a cone.
@@ -34,6 +36,11 @@ pub const TYPES: [&str; 7] = ["point", "spot", "rectangle", "disk", "sphere", "d
 /// Where a lamp that shines all around is said to aim, so that equal lamps are equal.
 pub fn below(position: Vec3) -> Vec3 {
     position - Vec3::Y
+}
+
+/// The nearest place that a file holds.
+pub fn within_reach(place: Vec3) -> Vec3 {
+    place.clamp(Vec3::splat(-FARTHEST_M), Vec3::splat(FARTHEST_M))
 }
 
 /// Whether a file holds such a lamp: it is neither farther away nor stronger than is read.
@@ -311,6 +318,7 @@ mod tests {
             look.lights.lamps = vec![lamp.clone()];
             assert_eq!((fits(&lamp), Look::from_json(&look.to_json()).is_ok()), (is_read, is_read), "{lamp:?}");
         }
+        assert_eq!(within_reach(Vec3::new(0.0, -2e6, 3e7)), Vec3::new(0.0, -FARTHEST_M, FARTHEST_M));
     }
 
     #[test]

@@ -10,7 +10,7 @@ use super::lights::names::{Renaming, name_field_ui};
 use super::number::{Number, before_drag};
 use crate::action::{Action, FileTask};
 use crate::look::Look;
-use crate::look::lamps::MOST_STRENGTH;
+use crate::look::lamps::{FARTHEST_M, MOST_STRENGTH};
 use crate::viewport::gizmo::{AimWhileMoving, Drag, move_to};
 
 /// What is remembered of free lamps and no look holds.
@@ -98,8 +98,6 @@ const SHAPES: [(&str, LampShape); 6] = [
     ("Sphere", LampShape::Sphere { radius_m: 0.1 }),
     ("Directional", LampShape::Directional),
 ];
-/// Largest number of the fields.
-const MOST: f32 = 1e6;
 
 /// The kinds to choose from; `at_px` on the film, else in the middle of the view.
 pub fn add_menu(ui: &mut Ui, at_px: Option<[f32; 2]>, actions: &mut Vec<Action>) {
@@ -295,7 +293,7 @@ fn place_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, state: &mut LampState)
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 3.0;
             for (value, axis) in place.as_mut().iter_mut().zip(["X", "Y", "Z"]) {
-                let number = Number::new(value).range(-MOST..=MOST).speed(0.01).fixed_decimals(3);
+                let number = Number::new(value).range(-FARTHEST_M..=FARTHEST_M).speed(0.01).fixed_decimals(3);
                 ui.add(number)
                     .on_hover_text(format!("{axis}, meters"))
                     .accessible_name(format!("{name} {what} {axis}"));

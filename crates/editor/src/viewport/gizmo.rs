@@ -8,7 +8,7 @@ use clerestory_transport::sampler::Sampler;
 use eframe::egui::{Pos2, Rect, vec2};
 use glam::{Vec2, Vec3};
 
-use crate::look::lamps::below;
+use crate::look::lamps::{FARTHEST_M, below, within_reach};
 
 /// The world's axes, by index.
 pub const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
@@ -160,16 +160,30 @@ pub enum AimWhileMoving {
     Stays,
 }
 
-/// Puts a lamp somewhere else.
+/// Puts a lamp somewhere else, no farther than a look holds.
 pub fn move_to(lamp: &mut FreeLamp, position: Vec3, aim: AimWhileMoving) {
+    let mut position = within_reach(position);
     if !lamp.shape.is_aimed() {
         lamp.aim = below(position);
     } else if aim == AimWhileMoving::GoesAlong {
-        lamp.aim += position - lamp.position;
+        // What comes to its limit first stops the other one, so that the lamp keeps its direction.
+        let [first, last] = [lamp.position.min(lamp.aim), lamp.position.max(lamp.aim)];
+        let farthest = Vec3::splat(FARTHEST_M);
+        let asked = position - lamp.position;
+        let way = asked.max(-farthest - first).min(farthest - last);
+        if way != asked {
+            position = within_reach(lamp.position + way);
+        }
+        lamp.aim = within_reach(lamp.aim + way);
     } else {
         lamp.point(position, lamp.aim);
     }
     lamp.position = position;
+}
+
+/// Aims a lamp at a place, or at the nearest one that a look holds.
+pub fn aim_at(lamp: &mut FreeLamp, aim: Vec3) {
+    lamp.point(lamp.position, within_reach(aim));
 }
 
 /// What of a lamp is dragged.
@@ -246,7 +260,7 @@ impl Drag {
             Part::Body => sight.surface(self.at).map(|surface| before(sight.scene, &surface, self.standoff_m)),
             Part::Aim => {
                 if let Some(aim) = self.aim(sight, lamp, held) {
-                    moved.point(moved.position, aim);
+                    aim_at(&mut moved, aim);
                 }
                 None
             }

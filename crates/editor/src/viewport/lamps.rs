@@ -8,7 +8,7 @@ use eframe::egui::{
 };
 use glam::Vec3;
 
-use super::gizmo::{AXES, AXIS_NAMES, Drag, Held, Part, Sight};
+use super::gizmo::{AXES, AXIS_NAMES, Drag, Held, Part, Sight, aim_at};
 use crate::action::Action;
 use crate::look::Look;
 use crate::panels::lamps::{LampState, Pick, add_menu, lamp_menu, shown_color};
@@ -111,7 +111,7 @@ fn aim_by_click(
         if picture.clicked_by(PointerButton::Primary)
             && let Some(surface) = sight.surface(at)
         {
-            lamp.point(lamp.position, surface.position);
+            aim_at(lamp, surface.position);
             state.aiming = false;
             return true;
         }

@@ -5,6 +5,7 @@ use clerestory_transport::scene::Material;
 use eframe::egui::{self, pos2};
 
 use super::*;
+use crate::look::Look;
 
 /// A closed box from −1 to 1, seen from (0, 0, 0.9) along −Z.
 fn room() -> PreparedScene {
@@ -188,6 +189,26 @@ fn where_one_looks_along_an_axis_or_beyond_the_horizon_the_lamp_stays() {
     let mut level = Drag::begin(&sight, &low, Part::Plane(1), sight.seen_at(low.position).unwrap());
     let moved = level.moved(&sight, &low, egui::vec2(0.0, -2000.0), Held::default());
     assert_eq!(moved, low);
+}
+
+#[test]
+fn a_lamp_goes_no_farther_than_a_look_holds_and_keeps_its_direction() {
+    let far = Vec3::new(0.0, 3e6, 0.0);
+    let bulb = FreeLamp { shape: LampShape::Point, ..lamp(Vec3::ZERO) };
+    for aim in [AimWhileMoving::GoesAlong, AimWhileMoving::Stays] {
+        for mut of in [lamp(Vec3::ZERO), bulb.clone(), FreeLamp { aim: 5.0 * Vec3::Y, ..lamp(Vec3::ZERO) }] {
+            let before = of.aim - of.position;
+            move_to(&mut of, far, aim);
+            let mut look = Look::default();
+            look.lights.lamps = vec![of.clone()];
+            assert!(of.position.y > 9e5 && Look::from_json(&look.to_json()).is_ok(), "{of:?}");
+            let is_kept = near(of.aim - of.position, before);
+            assert!(is_kept || aim == AimWhileMoving::Stays, "{of:?}");
+        }
+    }
+    let mut of = lamp(Vec3::ZERO);
+    aim_at(&mut of, far);
+    assert_eq!((of.position, of.aim), (Vec3::ZERO, FARTHEST_M * Vec3::Y));
 }
 
 #[test]
