@@ -83,6 +83,16 @@ impl PanelSpot {
     pub const MOST_INTENSITY: f32 = 1e9;
     /// Greatest channel of a color that is read.
     pub const MOST_CHANNEL: f32 = 1e6;
+
+    /// The nearest spot that is read: bakes of earlier versions may hold others.
+    pub fn within_limits(self) -> PanelSpot {
+        PanelSpot {
+            position: self.position.map(|at| at.clamp(-Self::MOST_AWAY, Self::MOST_AWAY)),
+            radius: self.radius.clamp(0.0, Self::MOST_RADIUS),
+            color: self.color.map(|color| color.map(|channel| channel.clamp(0.0, Self::MOST_CHANNEL))),
+            intensity: self.intensity.clamp(0.0, Self::MOST_INTENSITY),
+        }
+    }
 }
 
 /// What a node of a file keeps of its lights while they are off: `extras: {"clerestory": {"muted": …}}`.

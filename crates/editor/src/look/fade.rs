@@ -137,7 +137,7 @@ fn spots(ends: &[PanelEnd; 2], own: Vec3) -> Vec<PanelSpot> {
     });
     let alone = from.iter().skip(n_pairs).map(|spot| shining(*spot, sent(a, spot)));
     let new = to.iter().skip(n_pairs).map(|spot| shining(*spot, sent(b, spot)));
-    pairs.chain(alone).chain(new).collect()
+    pairs.chain(alone).chain(new).map(PanelSpot::within_limits).collect()
 }
 
 /// Between two skies of one map, or two suns: turned and dimmed along the way. One map does not become another: the first
@@ -306,6 +306,16 @@ mod tests {
             a.lights.lights.insert("panel".into(), LightSetting { muted: true, ..LightSetting::default() });
             std::mem::swap(&mut a, &mut b);
         }
+    }
+
+    #[test]
+    fn spots_of_an_older_bake_fade_into_a_look_that_can_be_opened() {
+        let (mut basis, [a, b]) = (basis(), rigs());
+        let spot = PanelSpot { position: [0.5, 500.0], radius: 5000.0, color: None, intensity: 1.0 };
+        basis.spots.insert("panel".into(), vec![spot; 3]);
+        let between = fade(&a, &b, 0.25, Some(&basis));
+        assert_eq!(between.lights.panels["panel"].len(), 3);
+        Look::from_json(&between.to_json()).unwrap();
     }
 
     #[test]

@@ -43,7 +43,7 @@ pub fn spots_ui(
         }
         if ui.selectable_label(!is_untouched, "Spots").on_hover_text("Only spots of it shine").clicked() && is_untouched
         {
-            panels.insert(key.clone(), marked.map_or_else(|| vec![NEW_SPOT], <[PanelSpot]>::to_vec));
+            panels.insert(key.clone(), marked.map_or_else(|| vec![NEW_SPOT], taken_over));
             *chosen = Some((key.clone(), 0));
         }
     });
@@ -64,6 +64,11 @@ pub fn spots_ui(
     if is_touched || idx != before {
         *chosen = Some((key.clone(), idx));
     }
+}
+
+/// Spots of a file as a look holds them.
+fn taken_over(marked: &[PanelSpot]) -> Vec<PanelSpot> {
+    marked.iter().map(|spot| spot.within_limits()).collect()
 }
 
 /// How far an arrow key moves a spot, in sides of a panel of so many texels.
@@ -185,4 +190,20 @@ fn beside(spots: &[PanelSpot]) -> PanelSpot {
 /// Index of the smallest distance.
 pub fn nearest(distances: impl Iterator<Item = f32>) -> Option<usize> {
     distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(idx, _)| idx)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::look::Look;
+
+    #[test]
+    fn spots_of_an_older_bake_make_a_look_that_can_be_opened() {
+        let odd = PanelSpot { position: [0.5, -101.0], radius: 2000.0, color: Some([1.0, 2e6, 0.0]), intensity: 2e9 };
+        let taken = taken_over(&[NEW_SPOT, odd]);
+        assert_eq!(taken[0], NEW_SPOT);
+        let mut look = Look::default();
+        look.lights.panels.insert("panel".into(), taken);
+        Look::from_json(&look.to_json()).unwrap();
+    }
 }

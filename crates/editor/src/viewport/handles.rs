@@ -99,7 +99,8 @@ impl PanelPicker<'_> {
 
     /// Those of the look, which takes over what the file has.
     fn own_spots<'a>(&self, key: &str, look: &'a mut Look) -> &'a mut Vec<PanelSpot> {
-        let of_file = || self.scene.lighting.basis.spots.get(key).cloned().unwrap_or_default();
+        let marked = self.scene.lighting.basis.spots.get(key).into_iter().flatten();
+        let of_file = || marked.map(|spot| spot.within_limits()).collect();
         look.lights.panels.entry(key.to_owned()).or_insert_with(of_file)
     }
 
