@@ -954,7 +954,8 @@ impl Run<'_> {
         if let Some(deadline) = &mut self.deadline {
             let (share, left) = deadline.progress();
             done = done.max(share);
-            secs_left = secs_left.map(|secs| secs.min(left));
+            // The preview is made whatever the time is.
+            secs_left = secs_left.map(|secs| secs.min(left)).or((pass > 0).then_some(left));
             deadline.strike(pass)?;
         }
         on_event(BakeEvent::Progress { pass, done, secs_left })

@@ -1,10 +1,13 @@
 //! How far a bake is, and how long it will take.
 //!
 //! The running pass is judged by its own blocks, so that a preview, which costs what no number of samples tells, never
-//! enters. Passes to come are judged by the last pass that took samples: their cost is in proportion to their samples.
+//! enters. Passes to come are judged by the last pass that took samples, where theirs are not many more.
 
-/// Share of a pass after which its own speed is believed.
-const BELIEVED_FROM: f32 = 0.01;
+/// Share of a pass after which its own speed is believed: the first blocks lie together, and may be unlike the others.
+const BELIEVED_FROM: f32 = 0.05;
+/// How many times the samples of a pass those of one may be that is judged by it. A part of the time of a block does not grow with its
+/// samples, and many blocks are exact enough before they took all: a few samples would tell many times what a long pass takes.
+const JUDGED_TO: u32 = 4;
 
 /// Judges how far a bake is. It has no clock of its own: whoever calls says how many seconds have passed.
 pub(super) struct Clock {
@@ -15,8 +18,24 @@ pub(super) struct Clock {
     started_secs: f32,
     /// When its last block came.
     last_secs: f32,
-    /// Seconds per sample of a block, in the last pass that took samples and has ended.
-    secs_per_sample: Option<f32>,
+    /// Of a block in the last pass that took samples and has ended.
+    of_ended: Option<Pace>,
+}
+
+/// What a block of a pass took.
+#[derive(Clone, Copy)]
+struct Pace {
+    /// Samples per half.
+    samples: u32,
+    secs: f32,
+}
+
+impl Pace {
+    /// Seconds of a block with so many samples; none with many more.
+    fn secs_at(self, samples: u32) -> Option<f32> {
+        let is_judged = samples <= self.samples.saturating_mul(JUDGED_TO);
+        is_judged.then(|| self.secs * samples as f32 / self.samples as f32)
+    }
 }
 
 /// A pass of the bake.
@@ -56,7 +75,7 @@ impl Clock {
         let given = |nth: usize| if nth == last { n_given } else { 0 };
         let passes = samples.iter().enumerate().map(|(nth, &samples)| Pass::new(samples, n_blocks, given(nth)));
         let passes = passes.collect();
-        Clock { passes, n_threads, running: 0, started_secs: 0.0, last_secs: 0.0, secs_per_sample: None }
+        Clock { passes, n_threads, running: 0, started_secs: 0.0, last_secs: 0.0, of_ended: None }
     }
 
     /// One more pass, and its number.
@@ -68,7 +87,7 @@ impl Clock {
     /// The blocks of a pass begin; the pass before has ended. What is prepared in between counts for neither.
     pub fn start_pass(&mut self, pass: usize, now_secs: f32) {
         if let (Some(samples), Some(secs)) = (self.passes[self.running].samples, self.secs_per_block()) {
-            self.secs_per_sample = Some(secs / samples as f32);
+            self.of_ended = Some(Pace { samples, secs });
         }
         if pass != self.running {
             // What it left out is not to be done.
@@ -103,14 +122,13 @@ impl Clock {
         let n_to_do = pass.n_to_do();
         let enough = self.n_threads.max((BELIEVED_FROM * n_to_do as f32).ceil() as usize).min(n_to_do);
         let measured = self.secs_per_block().filter(|_| pass.n_done >= enough);
-        let expected = || Some(self.secs_per_sample? * pass.samples? as f32);
+        let expected = || self.of_ended?.secs_at(pass.samples?);
         let secs_per_block = measured.or_else(expected)?;
         let this_pass = pass.n_left() as f32 * secs_per_block;
 
-        let secs_per_sample = pass.samples.map(|samples| secs_per_block / samples as f32).or(self.secs_per_sample);
+        let pace = pass.samples.map(|samples| Pace { samples, secs: secs_per_block }).or(self.of_ended);
         let others = self.passes.iter().enumerate().filter(|(nth, p)| *nth != self.running && p.n_left() > 0);
-        let later: Option<f32> =
-            others.map(|(_, p)| Some(p.n_left() as f32 * p.samples? as f32 * secs_per_sample?)).sum();
+        let later: Option<f32> = others.map(|(_, p)| Some(p.n_left() as f32 * pace?.secs_at(p.samples?)?)).sum();
         Some(this_pass + later?)
     }
 }
@@ -139,31 +157,43 @@ mod tests {
     #[test]
     fn the_time_of_a_preview_never_enters_the_passes_after_it() {
         let mut now_secs = 0.0;
-        let mut clock = Clock::new(&[None, Some(4), Some(64)], 10, 0, 1);
+        let mut clock = Clock::new(&[None, Some(16), Some(64)], 10, 0, 1);
         let preview = run(&mut clock, 0, &mut now_secs, 10, 30.0);
         assert!(preview.iter().all(Option::is_none), "nothing tells yet what a sample costs: {preview:?}");
         let coarse = run(&mut clock, 1, &mut now_secs, 10, 0.5);
-        assert_near(coarse[0], 9.0 * 0.5 + 10.0 * 8.0);
-        assert_near(coarse[9], 10.0 * 8.0);
+        assert_near(coarse[0], 9.0 * 0.5 + 10.0 * 2.0);
+        assert_near(coarse[9], 10.0 * 2.0);
         now_secs += 50.0;
         clock.start_pass(2, now_secs);
-        assert_near(clock.secs_per_sample, 0.125);
+        assert_near(clock.of_ended.map(|pace| pace.secs), 0.5);
         // Blocks that are exact enough before all samples are taken make the last pass faster than expected.
-        let last = run(&mut clock, 2, &mut now_secs, 10, 3.0);
-        assert_near(last[0], 9.0 * 3.0);
+        let last = run(&mut clock, 2, &mut now_secs, 10, 1.5);
+        assert_near(last[0], 9.0 * 1.5);
         assert_near(last[9], 0.0);
+    }
+
+    #[test]
+    fn a_pass_of_few_samples_foretells_none_of_many() {
+        let mut now_secs = 0.0;
+        let mut clock = Clock::new(&[None, Some(4), Some(64)], 100, 0, 1);
+        run(&mut clock, 0, &mut now_secs, 100, 0.1);
+        let coarse = run(&mut clock, 1, &mut now_secs, 100, 0.5);
+        assert!(coarse.iter().all(Option::is_none), "800 s would be foretold: {coarse:?}");
+        let last = run(&mut clock, 2, &mut now_secs, 100, 1.0);
+        assert_eq!(last[..4], [None; 4], "the first blocks tell little of the others");
+        assert_near(last[4], 95.0);
     }
 
     #[test]
     fn a_pass_is_expected_to_cost_by_its_samples_until_its_own_blocks_tell() {
         let mut now_secs = 0.0;
-        let mut clock = Clock::new(&[Some(4), Some(64)], 8, 0, 4);
+        let mut clock = Clock::new(&[Some(16), Some(64)], 8, 0, 4);
         let coarse = run(&mut clock, 0, &mut now_secs, 8, 0.25);
         assert_eq!(coarse[..3], [None; 3], "blocks of four threads arrive together");
-        assert_near(coarse[3], 4.0 * 0.25 + 8.0 * 4.0);
-        let last = run(&mut clock, 1, &mut now_secs, 8, 1.0);
-        assert_near(last[0], 7.0 * 4.0);
-        assert_near(last[3], 4.0 * 1.0);
+        assert_near(coarse[3], 4.0 * 0.25 + 8.0 * 1.0);
+        let last = run(&mut clock, 1, &mut now_secs, 8, 0.5);
+        assert_near(last[0], 7.0 * 1.0);
+        assert_near(last[3], 4.0 * 0.5);
     }
 
     #[test]
