@@ -17,7 +17,7 @@ use image::RgbImage;
 
 use self::exr::ExrPicture;
 use crate::legend::Legend;
-use crate::look::{Look, Quantity};
+use crate::look::{Look, Quantity, Units};
 use crate::output::PendingFile;
 pub(crate) use cut::{height_of, shrunk};
 pub use layers::LightLayer;
@@ -59,6 +59,8 @@ pub struct Picture<'a> {
     pub irradiance: Option<&'a Radiance>,
     /// What it is lit by; goes along in an EXR, and says how a PNG is shown.
     pub look: &'a Look,
+    /// What its numbers count.
+    pub units: Units,
 }
 
 /// How a picture was shown.
@@ -137,9 +139,7 @@ impl Picture<'_> {
             }
             _ => (self.radiance, exposed),
         };
-        let isolux = display.isolux();
-        let legend = display.quantity().zip(params.false_color);
-        let legend = legend.map(|(quantity, scale)| Legend { quantity, scale, isolux });
+        let legend = Legend::of(display, &params, self.units);
         Ok((shown, params, Shown { exposure_ev: exposed.exposure_ev, legend }))
     }
 

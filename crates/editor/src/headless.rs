@@ -16,8 +16,8 @@ use crate::cli::relight::Relighter;
 use crate::cli::view::{load_scene, prepare_view, warn_of_black, warn_of_unknown_lights};
 use crate::cli::{Answer, Console, nothing_kept};
 use crate::export::{ExportOptions, Picture};
-use crate::look::Look;
 use crate::look::scene::SceneChoice;
+use crate::look::{Look, Units};
 use crate::platform::memory_bytes;
 
 /// The built-in scene, a gallery with daylight high in the wall.
@@ -153,7 +153,8 @@ fn write_frame(bake: &Bake, name: &str, look: &Look, console: &mut Console) -> R
     warn_of_black(&format!("the picture of {name} is"), &radiance, (&bake.header.basis, &look.lights), console);
     let paths = ["png", "exr"].map(|extension| Path::new(FOLDER).join(format!("{name}.{extension}")));
     for path in &paths {
-        Picture { radiance: &radiance, layers: &[], irradiance: None, look }.save(path, &ExportOptions::default())?;
+        Picture { radiance: &radiance, layers: &[], irradiance: None, look, units: Units::of(&bake.header.basis) }
+            .save(path, &ExportOptions::default())?;
     }
     Ok(paths)
 }

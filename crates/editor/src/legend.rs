@@ -1,13 +1,13 @@
 //! The legend of a false-color picture: a bar of colors with values and a unit, drawn into files and beside the picture.
 
-use clerestory_relight::display::{ColorScale, turbo_bytes};
+use clerestory_relight::display::{ColorScale, DisplayParams, turbo_bytes};
 use eframe::egui::{self, Align2, Color32, FontId, Rect, Ui, pos2, vec2};
 use image::{Rgb, RgbImage};
 use serde_json::{Value, json};
 
 use crate::isolux::Isolux;
 use crate::lettering::Lettering;
-use crate::look::Quantity;
+use crate::look::{Display, Quantity, Units};
 
 /// What the colors of a picture mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +18,8 @@ pub struct Legend {
     pub scale: ColorScale,
     /// Lines of equal value over it.
     pub isolux: Isolux,
+    /// What its numbers count.
+    pub units: Units,
 }
 
 /// Background in a file: that of the window around the picture.
@@ -40,12 +42,23 @@ pub fn scale_of(rows: u32) -> u32 {
 }
 
 impl Legend {
+    /// Of a picture that is shown like this; none where its colors are its own.
+    pub fn of(display: &Display, shown: &DisplayParams, units: Units) -> Option<Legend> {
+        let (quantity, scale) = display.quantity().zip(shown.false_color)?;
+        Some(Legend { quantity, scale, isolux: display.isolux(), units })
+    }
+
+    /// Symbol of the unit, or a word for what has none.
+    pub fn unit(&self) -> &'static str {
+        self.quantity.unit_in(self.units)
+    }
+
     /// For people and programs.
     pub fn json(&self) -> Value {
         // As short as an f32 allows.
         let number = |value: f32| value.to_string().parse::<f64>().unwrap_or(f64::from(value));
         json!({
-            "quantity": self.quantity.name(), "unit": self.quantity.unit(), "spacing": self.scale.spacing,
+            "quantity": self.quantity.name(), "unit": self.unit(), "spacing": self.scale.spacing,
             "low": number(self.scale.low), "high": number(self.scale.high), "isolux": self.isolux.name(),
         })
     }
@@ -54,7 +67,7 @@ impl Legend {
     pub fn beside(&self, picture: &RgbImage) -> RgbImage {
         let scale = scale_of(picture.height());
         let mut letters = Lettering::new((LETTER * scale) as f32);
-        let unit = self.quantity.unit();
+        let unit = self.unit();
         let [unit_width, line] = letters.size(unit);
         let height = picture.height().max(LEAST_HEIGHT);
         let (top, bottom) = (2 * GAP * scale + line, height - GAP * scale - line / 2);
@@ -80,13 +93,13 @@ impl Legend {
         sheet
     }
 
-    /// Draws it into the lower right corner of an area of the window.
-    pub fn ui(&self, ui: &Ui, area: Rect) {
-        self.bar().ui(ui, area);
+    /// Draws it into a corner of an area of the window.
+    pub fn ui(&self, ui: &Ui, area: Rect, corner: Corner) {
+        self.bar().ui(ui, area, corner);
     }
 
     fn bar(&self) -> ScaleBar {
-        let (name, unit) = (self.quantity.name(), self.quantity.unit());
+        let (name, unit) = (self.quantity.name(), self.unit());
         ScaleBar { name, unit, scale: self.scale, counting: Counting::Up }
     }
 }
@@ -102,6 +115,15 @@ pub struct ScaleBar {
     pub scale: ColorScale,
     /// How its values are told.
     pub counting: Counting,
+}
+
+/// Where a scale is drawn in an area.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Corner {
+    /// Below on the left.
+    Left,
+    /// Below on the right.
+    Right,
 }
 
 /// How values of a scale are told.
@@ -131,11 +153,12 @@ impl ScaleBar {
         self.scale.ticks(most).into_iter().map(|value| (self.scale.position(value), self.words(value))).collect()
     }
 
-    /// Draws it into the lower right corner of an area.
-    pub fn ui(&self, ui: &Ui, area: Rect) {
+    /// Draws it into a corner of an area, which has one scale there at most.
+    pub fn ui(&self, ui: &Ui, area: Rect, corner: Corner) {
         let size = vec2(98.0, (area.height() - 40.0).clamp(60.0, 260.0));
-        let place = Rect::from_min_size(area.right_bottom() - size - vec2(12.0, 12.0), size);
-        let response = ui.interact(place, ui.scope_id().with("legend"), egui::Sense::hover());
+        let align = if corner == Corner::Left { Align2::LEFT_BOTTOM } else { Align2::RIGHT_BOTTOM };
+        let place = align.align_size_within_rect(size, area.shrink(12.0));
+        let response = ui.interact(place, ui.scope_id().with(("legend", corner)), egui::Sense::hover());
         let (low, high, unit) = (self.words(self.scale.low), self.words(self.scale.high), self.unit);
         let words = format!("Scale of {} from {low} to {high} {unit}", self.name.to_lowercase());
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &words));
@@ -180,7 +203,7 @@ mod tests {
 
     fn legend() -> Legend {
         let scale = ColorScale { spacing: Spacing::Log, low: 1.0, high: 1000.0 };
-        Legend { quantity: Quantity::Luminance, scale, isolux: Isolux::Off }
+        Legend { quantity: Quantity::Luminance, scale, isolux: Isolux::Off, units: Units::Photometric }
     }
 
     #[test]

@@ -35,7 +35,7 @@ use clerestory_transport::light::LightRig;
 use crate::marks::{Marked, Probed};
 use crate::output::write_whole;
 use crate::words::in_words;
-pub use display::{Display, FalseColor, Quantity};
+pub use display::{Display, FalseColor, Quantity, Units};
 pub use on_disk::OnDisk;
 use scene::SceneChoice;
 use snapshot::Snapshot;

@@ -8,7 +8,7 @@ use clerestory_transport::basis::LightBasis;
 
 use crate::black::{black_words, is_black};
 use crate::export::{ExportOptions, ImageFormat, Picture};
-use crate::look::Look;
+use crate::look::{Look, Units};
 use crate::output::{PendingFile, spare_inputs};
 use crate::stills::{Size, Stills};
 
@@ -195,7 +195,13 @@ impl Sequence {
             }
             let path = self.pattern.file(frame);
             let place = PendingFile::create(&path)?;
-            let picture = Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };
+            let picture = Picture {
+                radiance: &radiance,
+                layers: &[],
+                irradiance: irradiance.as_ref(),
+                look: &look,
+                units: Units::of(basis),
+            };
             picture
                 .write(place, self.pattern.format, &self.options)
                 .with_context(|| format!("frame {frame} stopped the sequence"))?;

@@ -21,7 +21,7 @@ use eframe::egui::{
 
 use crate::action::{Action, FileTask};
 use crate::isolux::{Isoline, Isolux};
-use crate::legend::Legend;
+use crate::legend::{Corner, Legend};
 use crate::look::Look;
 use crate::panels::arrows::{FINE, arrows};
 use crate::panels::heat::Overlay;
@@ -50,8 +50,8 @@ pub struct Viewed<'a> {
     pub scene: Option<(&'a PreparedScene, &'a Camera)>,
     /// Side of a comparison on which they can, 0 without one.
     pub handled: usize,
-    /// What its colors mean, where they are false.
-    pub legend: Option<Legend>,
+    /// What its colors mean, where they are false, and those of what is seen on the right of a comparison.
+    pub legends: [Option<Legend>; 2],
     /// Lines of equal illuminance in it.
     pub isolines: &'a [Isoline],
     /// What it is compared with.
@@ -118,7 +118,7 @@ pub fn viewport_ui(
     painter.image(texture, image, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
     if let Some(overlay) = viewed.overlay {
         overlay.paint(&painter, image);
-    } else if viewed.legend.is_some_and(|legend| legend.isolux != Isolux::Off) && viewed.compared.is_none() {
+    } else if viewed.legends[0].is_some_and(|legend| legend.isolux != Isolux::Off) && viewed.compared.is_none() {
         isolux::isolux_ui(ui, viewed.isolines, (area, image), [width, height]);
     }
     let seen_from = compared_ui(ui, viewed, (&areas, &images), state.divider);
@@ -140,16 +140,27 @@ pub fn viewport_ui(
         let under = responses.iter().find(|response| response.hovered()).unwrap_or(response);
         probe::block_ui(ui, under, &words);
     }
-    match (viewed.overlay, viewed.legend) {
-        (Some(overlay), _) => overlay.bar.ui(ui, area),
-        // It is of the lights as they are now, on whichever side these are.
-        (None, Some(legend)) => legend.ui(ui, areas[handled.0]),
-        (None, None) => {}
+    match viewed.overlay {
+        Some(overlay) => overlay.bar.ui(ui, area, Corner::Right),
+        None => legends_ui(ui, viewed, &areas),
     }
     let is_coarse = viewed.is_glimpse && viewed.bake.is_running();
     if is_coarse || matches!(viewed.stage, Stage::Loading(_)) || *viewed.bake == BakeState::Preparing {
         busy_corner(ui, area, &busy_words(viewed));
     }
+}
+
+/// Says what the colors of the picture mean; of a comparison those of each side, above its name.
+fn legends_ui(ui: &Ui, viewed: &Viewed, areas: &[Rect]) {
+    let [first, second] = viewed.legends;
+    let (Some(left), Some(right)) = (areas.first(), areas.last()) else { return };
+    if viewed.compared.is_none() {
+        first.iter().for_each(|legend| legend.ui(ui, *left, Corner::Right));
+        return;
+    }
+    let above = |area: &Rect| area.with_max_y(area.bottom() - compare::NAME_HEIGHT);
+    first.iter().for_each(|legend| legend.ui(ui, above(left), Corner::Left));
+    second.iter().for_each(|legend| legend.ui(ui, above(right), Corner::Right));
 }
 
 fn picture_of(ui: &mut Ui, area: Rect, name: &str) -> Response {

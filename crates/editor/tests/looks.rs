@@ -15,7 +15,7 @@ use eframe::egui::{
 };
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Window, ask_for, baked, click, drag, save_as, wait};
+use desk::{Dropped, Window, ask_for, baked, click, drag, save_as, type_over, wait};
 
 fn names(window: &Window) -> Vec<&str> {
     window.state().look().snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect()
@@ -402,6 +402,32 @@ fn compare(window: &mut Window) {
     click(window, "Compare");
     wait(window, |app| app.is_settled());
     window.run_steps(4);
+}
+
+#[test]
+fn each_side_of_a_comparison_in_false_color_has_a_scale_of_its_own() {
+    let mut window = baked();
+    click(&mut window, "False color");
+    click(&mut window, "Luminance");
+    wait(&mut window, |app| app.is_settled());
+    click(&mut window, "Fit range");
+    type_over(&mut window, "Scale to", "777");
+    click(&mut window, "Keep look");
+    type_over(&mut window, "Scale to", "5000");
+    compare(&mut window);
+    let scale_to = |window: &Window, high: &str| {
+        let end = format!(" to {high} cd/m²");
+        let mut scales = window.query_all_by_label_contains("Scale of luminance");
+        let is_it = |words: String| words.ends_with(&end);
+        scales.find(|scale| scale.accesskit_node().label().is_some_and(is_it)).unwrap().rect()
+    };
+    let divider = area_of(&window, "Compare divider").center();
+    assert!(scale_to(&window, "777").right() < divider.x && scale_to(&window, "5000").left() > divider.x);
+    click(&mut window, "Side by side");
+    for (picture, high) in [("Picture", "777"), ("Picture on the right", "5000")] {
+        let (area, scale) = (area_of(&window, picture), scale_to(&window, high));
+        assert!(area.contains_rect(scale), "{scale} in {area}");
+    }
 }
 
 #[test]

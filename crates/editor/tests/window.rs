@@ -685,6 +685,19 @@ fn a_folder_of_pictures_is_opened_by_its_path() {
 }
 
 #[test]
+fn the_legend_of_photographs_names_no_unit() {
+    let folder = stage();
+    let mut window = open(Source::File(folder.path().into()));
+    let is_measured = |app: &App| app.session().shown.as_ref().is_some_and(|shown| shown.header.basis.is_measured());
+    wait(&mut window, |app| is_measured(app) && app.session().bake == BakeState::Done && app.is_settled());
+    click(&mut window, "False color");
+    click(&mut window, "Luminance");
+    wait(&mut window, App::is_settled);
+    let legend = window.get_by_label_contains("Scale of luminance").accesskit_node().label().unwrap();
+    assert!(legend.ends_with("relative"), "{legend}");
+}
+
+#[test]
 fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() {
     let folder = stage();
     let home = tempfile::tempdir().unwrap();

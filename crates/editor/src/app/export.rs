@@ -91,10 +91,12 @@ impl App {
 
     /// Asks for a file where one is wanted.
     pub(super) fn question_ui(&mut self, ctx: &Context) {
+        let units = self.units();
         let Some(question) = &mut self.question else { return };
         let exports = matches!(question.task(), FileTask::Export | FileTask::ExportFrames);
         let view = self.session.shown.as_ref().filter(|_| exports).map(|shown| ExportView {
             baked: [shown.header.width, shown.header.height],
+            units,
             has_illuminance: shown.pixel_irradiance().is_some(),
             marked: self.view.marking.marks().and_then(|marks| marks.corners()),
             seen: self.view.seen,

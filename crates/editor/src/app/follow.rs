@@ -15,7 +15,7 @@ use super::lamplight::Lamplight;
 use super::rest::Rest;
 use super::sky::SkyLayer;
 use crate::legend::Legend;
-use crate::look::{Display, Look, Quantity};
+use crate::look::{Display, Look, Quantity, Units};
 use crate::panels::lights::heard;
 use crate::picture::{Changed, DeviceWish, GpuPainter};
 use crate::session::lamps::LampLight;
@@ -167,9 +167,8 @@ impl Follower {
     }
 
     /// What the colors of the picture mean, where they are false.
-    pub fn legend(&self) -> Option<Legend> {
-        let display = &self.asked.as_ref()?.display;
-        Some(Legend { quantity: display.quantity()?, scale: self.shown.false_color?, isolux: display.isolux() })
+    pub fn legend(&self, units: Units) -> Option<Legend> {
+        Legend::of(&self.asked.as_ref()?.display, &self.shown, units)
     }
 
     pub fn metered_ev(&self) -> f32 {

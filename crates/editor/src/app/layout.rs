@@ -6,7 +6,7 @@ use eframe::egui::{self, Context, Panel, Ui};
 use super::App;
 use super::habits::BakeHabits;
 use crate::action::{Action, Side};
-use crate::look::Look;
+use crate::look::{Look, Units};
 use crate::panels::bake::{BakeView, bake_ui, start_ui};
 use crate::panels::dialogs::{UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
@@ -17,6 +17,7 @@ use crate::panels::sight::keep_in_sight;
 use crate::panels::status::{Status, status_ui};
 use crate::panels::toolbar::{ToolbarState, toolbar_ui};
 use crate::session::estimate::Forecast;
+use crate::session::prints::Slot;
 use crate::session::{BakeSettings, Session};
 use crate::theme;
 use crate::viewport::{Viewed, viewport_ui};
@@ -141,7 +142,8 @@ impl App {
                 let view = DisplayView {
                     shown_ev: self.follower.shown_ev(),
                     metered_ev: self.follower.metered_ev(),
-                    legend: self.follower.legend(),
+                    legend: self.follower.legend(self.units()),
+                    units: self.units(),
                     has_illuminance: self.session.shown.as_ref().is_some_and(|s| s.pixel_irradiance().is_some()),
                     lux_bake: self.lux_bake(),
                 };
@@ -153,6 +155,11 @@ impl App {
             });
             ui.take_available_space();
         });
+    }
+
+    /// What the numbers of the picture count.
+    pub(super) fn units(&self) -> Units {
+        self.session.shown.as_ref().map_or(Units::Photometric, |shown| Units::of(&shown.header.basis))
     }
 
     pub(super) fn bake_panel_ui(&mut self, ui: &mut Ui) {
@@ -226,8 +233,14 @@ impl App {
         let picture = self.follower.picture().map(|(texture, size)| (left.unwrap_or(texture), size));
         let sides = self.looks.compare.as_ref().filter(|_| compared.is_some()).map(|compare| &compare.sides);
         let (lit, handled) = ((&self.follower, &self.prints), self.handled_side(compared.as_ref()));
+        let now = self.follower.legend(self.units());
         // Looks that were kept have scales of their own.
-        let shows_now = sides.is_none_or(|sides| sides.contains(&mix::Side::Present));
+        let legend_of = |idx: usize| match sides.map(|sides| &sides[idx]) {
+            None if idx > 0 => None,
+            None | Some(mix::Side::Present) => now,
+            Some(mix::Side::Snapshot(_)) => self.prints.legend(&Slot::Side(idx)),
+        };
+        let legends = [0, 1].map(legend_of);
         let viewed = Viewed {
             picture,
             stage: &self.session.stage,
@@ -235,7 +248,7 @@ impl App {
             is_glimpse: self.session.is_glimpse(),
             scene: scene.zip(shown_camera).filter(|_| handled.is_some()),
             handled: handled.unwrap_or_default(),
-            legend: self.follower.legend().filter(|_| shows_now),
+            legends,
             isolines: self.isolux.lines(),
             compared,
             overlay,

@@ -12,6 +12,7 @@ use super::App;
 use super::follow::is_as_large;
 use crate::export::ExportOptions;
 use crate::export::layers::LayerSet;
+use crate::legend::Legend;
 use crate::look::Look;
 use crate::output::spare_inputs;
 use crate::panels::lights::heard;
@@ -40,7 +41,7 @@ pub(super) struct Prints {
     /// What each picture was ordered of.
     ordered: BTreeMap<Slot, Look>,
     textures: BTreeMap<Slot, TextureHandle>,
-    /// What the sides of a comparison are lit by, as they are pictured.
+    /// What the sides of a comparison show, as they are pictured.
     lit: BTreeMap<Slot, Lit>,
     n_made: u64,
 }
@@ -74,6 +75,11 @@ impl Prints {
         let lit = self.lit.get(slot)?;
         let is_of_it = lit.lamps.as_ref().is_none_or(|light| is_as_large(light, shown));
         is_of_it.then_some((&lit.rig, lit.lamps.as_ref()))
+    }
+
+    /// What the colors of the side of a comparison mean, where they are false.
+    pub fn legend(&self, slot: &Slot) -> Option<Legend> {
+        self.lit.get(slot)?.legend
     }
 
     /// Number of pictures that were made since the window opened.

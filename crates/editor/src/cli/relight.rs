@@ -25,7 +25,7 @@ use super::{picture, sheet::sheet};
 use crate::export::layers::{FREE_LAMPS, LayerSet, layer_name};
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
 use crate::illuminance::{AddedLux, seen_irradiance};
-use crate::look::Look;
+use crate::look::{Look, Units};
 use crate::output::{PendingFile, spare_inputs};
 use crate::platform::may_have_gpu;
 
@@ -139,7 +139,8 @@ impl Target {
         relighter.warn_of_refusal(console);
         warn_of_black("the picture is", &radiance, (&bake.header.basis, &self.look.lights), console);
         let irradiance = irradiance.as_ref();
-        let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look };
+        let picture =
+            Picture { radiance: &radiance, layers: &layers, irradiance, look, units: Units::of(&bake.header.basis) };
         let shown = picture.write(self.place, self.format, &self.options)?;
         let window = self.options.window([radiance.width, radiance.height])?;
         let n_layers = layers.len() + usize::from(self.options.irradiance);

@@ -14,7 +14,7 @@ use super::relight::{Lit, irradiance_for};
 use super::view::{load_bake, load_look, spare_look, warn_of_black, warn_of_unknown_lights};
 use crate::contact_sheet::{Print, check_size, write_sheet};
 use crate::export::{ExportOptions, ImageFormat, Picture};
-use crate::look::Look;
+use crate::look::{Look, Units};
 use crate::output::PendingFile;
 
 /// Relights under each of the looks and writes the sheet.
@@ -54,7 +54,13 @@ pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer>
         let which = format!("the picture of `{name}` is");
         warn_of_black(&which, &lit.radiance, (&bake.header.basis, &look.lights), console);
         let irradiance = irradiance_for(&bake, &look, &added_lux(&lamps), format, &options)?;
-        let picture = Picture { radiance: &lit.radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };
+        let picture = Picture {
+            radiance: &lit.radiance,
+            layers: &[],
+            irradiance: irradiance.as_ref(),
+            look: &look,
+            units: Units::of(&bake.header.basis),
+        };
         let (picture, shown) =
             picture.developed(&options).with_context(|| format!("cannot show {}", path.display()))?;
         told.push(json!({ "name": name, "look": path.display().to_string(), "exposure_ev": shown.exposure_ev }));

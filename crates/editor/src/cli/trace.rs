@@ -20,6 +20,7 @@ use super::view::{
     warn_of_unknown_lights,
 };
 use crate::export::{ImageFormat, Picture};
+use crate::look::Units;
 use crate::output::{PendingFile, spare_inputs};
 
 pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
@@ -64,8 +65,8 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
 
     let radiance = Radiance { width: view.film.width, height: view.film.height, pixels };
     warn_of_black("the picture is", &radiance, (&view.scene.lighting.basis, &rig), console);
-    let shown =
-        Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look }.write(place, format, &options)?;
+    let shown = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look, units: Units::Photometric }
+        .write(place, format, &options)?;
     let output = args.output.display().to_string();
     let words = format!(
         "{output}: {}×{} at {} spp in {}",

@@ -22,7 +22,7 @@ fn an_exr_gives_back_every_bit_and_carries_look_and_layers() {
     let (whole, a, b) = (gradient(1.0), gradient(0.25), gradient(0.75));
     let layers = [LightLayer { key: "a.b".into(), radiance: a }, LightLayer { key: "ä_b".into(), radiance: b }];
     let look = Look::default();
-    Picture { radiance: &whole, layers: &layers, irradiance: None, look: &look }
+    Picture { radiance: &whole, layers: &layers, irradiance: None, look: &look, units: Units::Photometric }
         .save(&path, &ExportOptions::default())
         .unwrap();
     assert_eq!(read_exr(&path).unwrap(), whole);
@@ -41,9 +41,15 @@ fn the_same_picture_gives_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let paths = ["a.exr", "b.exr"].map(|name| folder.path().join(name));
     for path in &paths {
-        Picture { radiance: &gradient(1.0), layers: &[], irradiance: None, look: &Look::default() }
-            .save(path, &ExportOptions::default())
-            .unwrap();
+        Picture {
+            radiance: &gradient(1.0),
+            layers: &[],
+            irradiance: None,
+            look: &Look::default(),
+            units: Units::Photometric,
+        }
+        .save(path, &ExportOptions::default())
+        .unwrap();
     }
     assert!(std::fs::read(&paths[0]).unwrap() == std::fs::read(&paths[1]).unwrap());
 }
@@ -53,9 +59,15 @@ fn a_png_is_what_the_display_shows_and_says_srgb() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     let radiance = gradient(1.0);
-    let shown = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &Look::default() }
-        .save(&path, &ExportOptions::default())
-        .unwrap();
+    let shown = Picture {
+        radiance: &radiance,
+        layers: &[],
+        irradiance: None,
+        look: &Look::default(),
+        units: Units::Photometric,
+    }
+    .save(&path, &ExportOptions::default())
+    .unwrap();
     let bytes = std::fs::read(&path).unwrap();
     assert_eq!(&bytes[37..41], b"sRGB");
     let expected = encode(&radiance, &DisplayParams { exposure_ev: shown.exposure_ev, ..DisplayParams::default() });
@@ -72,7 +84,8 @@ fn false_color_of_illuminance_shows_irradiance_with_a_legend_or_says_what_is_mis
     let range = Some([1.0, 100.0]);
     look.display.false_color = Some(FalseColor { quantity: Quantity::Illuminance, range, ..FalseColor::default() });
     let (radiance, lux) = (gradient(1.0), Radiance { width: 4, height: 3, pixels: vec![[10.0; 3]; 12] });
-    let picture = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look };
+    let picture =
+        Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look, units: Units::Photometric };
     let error = picture.save(&path, &ExportOptions::default()).unwrap_err().to_string();
     assert!(error.contains("--irradiance") && !path.exists(), "{error}");
 
@@ -81,9 +94,25 @@ fn false_color_of_illuminance_shows_irradiance_with_a_legend_or_says_what_is_mis
     let png = image::open(&path).unwrap().to_rgb8();
     assert_eq!(png.get_pixel(2, 1).0, turbo_bytes(0.5), "10 lies halfway from 1 to 100");
     assert!(png.width() > 4 + 8 && png.height() >= 48, "the legend is beside the picture");
+    assert_eq!(shown.legend.unwrap().unit(), "lx");
     let exr = folder.path().join("a.exr");
     assert_eq!(picture.save(&exr, &ExportOptions::default()).unwrap().legend, None);
     assert_eq!(read_exr(&exr).unwrap(), radiance, "an EXR stays linear");
+}
+
+#[test]
+fn luminance_that_was_taken_by_a_camera_has_no_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let mut look = Look::default();
+    look.display.false_color = Some(FalseColor::default());
+    let radiance = gradient(1.0);
+    for (units, unit) in [(Units::Photometric, "cd/m²"), (Units::Relative, "relative")] {
+        let picture = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look, units };
+        let legend = picture.save(&path, &ExportOptions::default()).unwrap().legend.unwrap();
+        assert_eq!(legend.unit(), unit);
+        assert_eq!(legend.json()["unit"], unit);
+    }
 }
 
 #[test]
@@ -98,7 +127,8 @@ fn isolux_lines_lie_over_false_color_where_the_light_is_at_either_depth() {
     for depth in [PngDepth::Eight, PngDepth::Sixteen] {
         let mut shown = |isolux: Isolux| {
             look.display.false_color = Some(FalseColor { isolux, ..colors });
-            let picture = Picture { radiance: &lux, layers: &[], irradiance: Some(&lux), look: &look };
+            let picture =
+                Picture { radiance: &lux, layers: &[], irradiance: Some(&lux), look: &look, units: Units::Photometric };
             let options = ExportOptions { depth, ..ExportOptions::default() };
             assert_eq!(picture.save(&path, &options).unwrap().legend.unwrap().json()["isolux"], isolux.name());
             image::open(&path).unwrap().to_rgb8()
@@ -119,14 +149,14 @@ fn pixels_that_are_no_numbers_and_layers_that_do_not_add_up_are_refused() {
     let look = Look::default();
     let mut bad = gradient(1.0);
     bad.pixels[3][1] = f32::NAN;
-    let error = Picture { radiance: &bad, layers: &[], irradiance: None, look: &look }
+    let error = Picture { radiance: &bad, layers: &[], irradiance: None, look: &look, units: Units::Photometric }
         .save(&path, &ExportOptions::default())
         .unwrap_err()
         .to_string();
     assert!(error.contains("1 pixels"), "{error}");
     let layers = [LightLayer { key: "half".into(), radiance: gradient(0.5) }];
     assert!(
-        Picture { radiance: &gradient(1.0), layers: &layers, irradiance: None, look: &look }
+        Picture { radiance: &gradient(1.0), layers: &layers, irradiance: None, look: &look, units: Units::Photometric }
             .save(&path, &ExportOptions::default())
             .is_err()
     );
@@ -169,7 +199,9 @@ fn layers_in_halves_add_up_to_the_picture_within_rounding() {
         let path = folder.path().join("a.exr");
         let options = ExportOptions { samples: ExrSamples::Half, compression, ..ExportOptions::default() };
         let look = Look::default();
-        Picture { radiance: &radiance, layers: &layers, irradiance: None, look: &look }.save(&path, &options).unwrap();
+        Picture { radiance: &radiance, layers: &layers, irradiance: None, look: &look, units: Units::Photometric }
+            .save(&path, &options)
+            .unwrap();
         let channels = channels_of(&path);
         assert!(channels.len() == 9 && channels.iter().all(|(.., is_half)| *is_half));
         let named = |name: &str| &channels.iter().find(|(n, ..)| n == name).unwrap().1;
@@ -198,7 +230,13 @@ fn every_compression_gives_the_picture_back_lossless_or_nearly() {
         let path = folder.path().join("a.exr");
         let options = ExportOptions { compression, ..ExportOptions::default() };
         for picture in [&radiance, &smooth] {
-            let picture = Picture { radiance: picture, layers: &[], irradiance: None, look: &Look::default() };
+            let picture = Picture {
+                radiance: picture,
+                layers: &[],
+                irradiance: None,
+                look: &Look::default(),
+                units: Units::Photometric,
+            };
             picture.save(&path, &options).unwrap();
             let back = read_exr(&path).unwrap();
             if compression != ExrCompression::Dwaa {
@@ -219,7 +257,13 @@ fn a_region_keeps_its_place_in_the_whole_and_a_width_shrinks_it() {
     let (radiance, layers) = noisy(40, 30);
     let region = Some(Region { x: 3, y: 5, width: 12, height: 9 });
     let options = ExportOptions { width_px: Some(20), region, ..ExportOptions::default() };
-    let picture = Picture { radiance: &radiance, layers: &layers, irradiance: None, look: &Look::default() };
+    let picture = Picture {
+        radiance: &radiance,
+        layers: &layers,
+        irradiance: None,
+        look: &Look::default(),
+        units: Units::Photometric,
+    };
     picture.save(&path, &options).unwrap();
     let header = ::exr::meta::MetaData::read_from_file(&path, true).unwrap().headers.remove(0);
     assert_eq!((header.own_attributes.layer_position, header.layer_size), (Vec2(3, 5), Vec2(12, 9)));
@@ -244,7 +288,8 @@ fn what_halves_cannot_tell_is_refused_and_floats_hold_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.exr");
     let sun = gradient(1e5);
-    let picture = Picture { radiance: &sun, layers: &[], irradiance: None, look: &Look::default() };
+    let picture =
+        Picture { radiance: &sun, layers: &[], irradiance: None, look: &Look::default(), units: Units::Photometric };
     for options in [
         ExportOptions { samples: ExrSamples::Half, ..ExportOptions::default() },
         ExportOptions { compression: ExrCompression::Dwaa, ..ExportOptions::default() },
@@ -265,7 +310,8 @@ fn a_png_of_sixteen_bits_holds_what_is_shown_and_its_legend() {
     let mut look = Look::default();
     for false_color in [None, Some(FalseColor::default())] {
         look.display.false_color = false_color;
-        let picture = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look };
+        let picture =
+            Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look, units: Units::Photometric };
         let shown = picture.save(&path, &options).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(&bytes[37..41], b"sRGB");

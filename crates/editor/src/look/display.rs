@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 use anyhow::{Result, bail};
 use clerestory_relight::Radiance;
 use clerestory_relight::display::{ColorScale, DisplayParams, Dither, Metering, Spacing, Tone, WhitePoint};
+use clerestory_transport::basis::LightBasis;
 use serde_json::Value;
 
 use super::parse::Reader;
@@ -70,12 +71,37 @@ pub enum Quantity {
     Illuminance,
 }
 
+/// What the numbers of a picture count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Units {
+    /// Candela and lux.
+    #[default]
+    Photometric,
+    /// What a camera took: nobody knows how much light a 1 is.
+    Relative,
+}
+
+impl Units {
+    /// Those of what a bake with these columns shows.
+    pub fn of(basis: &LightBasis) -> Units {
+        if basis.is_measured() { Units::Relative } else { Units::Photometric }
+    }
+}
+
 impl Quantity {
     /// Symbol of the unit.
     pub fn unit(self) -> &'static str {
         match self {
             Quantity::Luminance => "cd/m²",
             Quantity::Illuminance => "lx",
+        }
+    }
+
+    /// The same, or a word for what has none.
+    pub fn unit_in(self, units: Units) -> &'static str {
+        match (self, units) {
+            (Quantity::Luminance, Units::Relative) => "relative",
+            _ => self.unit(),
         }
     }
 

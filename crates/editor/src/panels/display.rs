@@ -9,7 +9,7 @@ use crate::action::Action;
 use crate::isolux::Isolux;
 use crate::legend::Legend;
 use crate::look::display::{COMPENSATION_EV, DISPLAY_KELVIN, PERCENT_DEFAULT, WHITE_DUV, WHITE_KELVIN};
-use crate::look::{Display, FalseColor, Quantity};
+use crate::look::{Display, FalseColor, Quantity, Units};
 use crate::theme::{self, Fold};
 
 /// What the panel is told beside the look.
@@ -21,6 +21,8 @@ pub struct DisplayView {
     pub metered_ev: f32,
     /// What its colors mean, where they are false.
     pub legend: Option<Legend>,
+    /// What its numbers count.
+    pub units: Units,
     /// Whether the light that arrives at its pixels was baked.
     pub has_illuminance: bool,
     /// How it can be had.
@@ -197,7 +199,11 @@ fn false_color_rows(ui: &mut Ui, false_color: &mut Option<FalseColor>, view: &Di
     let label = ui.label("False color");
     let mut quantity = false_color.map(|f| f.quantity);
     // What was not baked can be chosen, too: then the panel offers to bake it.
-    choice_ui(ui, "false color", &mut quantity, &QUANTITIES, label.id);
+    let mut quantities = QUANTITIES;
+    if view.units == Units::Relative {
+        quantities[1].2 = "Light that is seen, as it was taken";
+    }
+    choice_ui(ui, "false color", &mut quantity, &quantities, label.id);
     if quantity != false_color.map(|f| f.quantity) {
         // Cd/m² and lux are different numbers: a range does not go along.
         let spacing = false_color.map_or(Spacing::default(), |f| f.spacing);
@@ -217,7 +223,7 @@ fn false_color_rows(ui: &mut Ui, false_color: &mut Option<FalseColor>, view: &Di
         false_color.range = (!fits).then_some(shown);
     }
     ui.end_row();
-    range_row(ui, false_color);
+    range_row(ui, false_color, view.units);
     if false_color.quantity == Quantity::Illuminance {
         let label = ui.label("Isolux lines");
         choice_ui(ui, "isolux", &mut false_color.isolux, &LINES, label.id);
@@ -226,11 +232,14 @@ fn false_color_rows(ui: &mut Ui, false_color: &mut Option<FalseColor>, view: &Di
 }
 
 /// Keeps what a look can hold: from a lower to a higher value, above 0 where the scale is logarithmic.
-fn range_row(ui: &mut Ui, false_color: &mut FalseColor) {
+fn range_row(ui: &mut Ui, false_color: &mut FalseColor, units: Units) {
     let Some([low, high]) = &mut false_color.range else { return };
     ui.label("Range");
     ui.horizontal(|ui| {
-        let unit = format!(" {}", false_color.quantity.unit());
+        let unit = match (false_color.quantity, units) {
+            (Quantity::Luminance, Units::Relative) => String::new(),
+            (quantity, _) => format!(" {}", quantity.unit()),
+        };
         let number = |ui: &mut Ui, value: &mut f32, name: &str| {
             let speed = f64::from(value.abs().max(1e-3)) * 0.01;
             let number = ui.add(Number::new(value).range(0.0..=1e9).speed(speed).suffix(unit.as_str()));

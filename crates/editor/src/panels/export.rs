@@ -10,6 +10,7 @@ use crate::action::{Action, FileTask};
 use crate::export::ImageFormat;
 use crate::export::layers::LayerSet;
 use crate::export::options::{ExportOptions, ExrCompression, ExrSamples, PngDepth, Region};
+use crate::look::Units;
 use crate::sequence::{MOST_FRAMES, Pattern};
 
 /// What the questions are about.
@@ -17,6 +18,8 @@ use crate::sequence::{MOST_FRAMES, Pattern};
 pub struct ExportView {
     /// Size of the bake in pixels.
     pub baked: [u32; 2],
+    /// What its numbers count.
+    pub units: Units,
     /// Whether the light that arrives at the pixels was baked.
     pub has_illuminance: bool,
     /// What is marked lies within these corners, in shares of width and height.
@@ -55,8 +58,13 @@ pub fn export_ui(
         view_row(ui, options, view);
     });
     ui.add_space(4.0);
-    let hint = match format {
-        Some(ImageFormat::Exr) => "Linear Rec. 709 in cd/m², with the look inside; exposure and tone are not applied",
+    let hint = match (format, view.units) {
+        (Some(ImageFormat::Exr), Units::Photometric) => {
+            "Linear Rec. 709 in cd/m², with the look inside; exposure and tone are not applied"
+        }
+        (Some(ImageFormat::Exr), Units::Relative) => {
+            "Linear Rec. 709 as it was taken, with the look inside; exposure and tone are not applied"
+        }
         _ => "sRGB as it is seen, with the legend where colors are false",
     };
     // A line of its own: beside a button the longer of the two would be cut off.
@@ -169,7 +177,7 @@ fn numbers_rows(ui: &mut Ui, options: &mut ExportOptions) {
     ui.horizontal(|ui| {
         let mut samples = options.exr_samples();
         let half = ui.radio_value(&mut samples, ExrSamples::Half, "Half");
-        half.on_hover_text("16-bit floats, up to 65504 cd/m²; half the size");
+        half.on_hover_text("16-bit floats, up to 65504; half the size");
         let float = ui.add_enabled_ui(!is_lossy, |ui| ui.radio_value(&mut samples, ExrSamples::Float, "Float")).inner;
         float.on_hover_text("32-bit floats").on_disabled_hover_text("DWAA keeps halves");
         if !is_lossy {

@@ -13,7 +13,8 @@ use eframe::egui::ColorImage;
 use super::Wake;
 use super::lamps::LampLight;
 use crate::crash;
-use crate::look::Look;
+use crate::legend::Legend;
+use crate::look::{Look, Units};
 use crate::picture::color_image;
 use crate::stills::{Size, Stills, Subject};
 use crate::words::in_words;
@@ -41,16 +42,18 @@ pub struct PrintOrder {
 pub struct Print {
     /// What it is for.
     pub slot: Slot,
-    /// Display-encoded, and of a side of a comparison what it is lit by; or why there is none.
+    /// Display-encoded, and of a side of a comparison what it shows; or why there is none.
     pub printed: Result<(ColorImage, Option<Lit>), String>,
 }
 
-/// What a picture is lit by.
+/// What a picture shows.
 pub struct Lit {
     /// All lights.
     pub rig: LightRig,
     /// The light of the free lamps among them, if any shine.
     pub lamps: Option<LampLight>,
+    /// What its colors mean, where they are false.
+    pub legend: Option<Legend>,
 }
 
 #[derive(Default)]
@@ -167,7 +170,7 @@ fn work(mailbox: &Mailbox, wake: &Wake) {
     }
 }
 
-/// A picture and what it is lit by; none if it was stopped.
+/// A picture and what it shows; none if it was stopped.
 fn print(
     stills: &mut Stills,
     (slot, order): (&Slot, &PrintOrder),
@@ -182,10 +185,12 @@ fn print(
             None => return Ok(None),
         },
     };
-    let image = color_image(&picture, &display.metered(&picture));
+    let shown = display.metered(&picture);
+    let image = color_image(&picture, &shown);
     if matches!(slot, Slot::Thumbnail(_)) {
         return Ok(Some((image, None)));
     }
     let lamps = stills.lamp_light(look, order.size, stop);
-    Ok(lamps.map(|lamps| (image, Some(Lit { rig: look.lights.clone(), lamps }))))
+    let legend = Legend::of(&display, &shown, Units::of(&order.subject.bake.header.basis));
+    Ok(lamps.map(|lamps| (image, Some(Lit { rig: look.lights.clone(), lamps, legend }))))
 }

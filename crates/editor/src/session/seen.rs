@@ -15,7 +15,7 @@ use crate::cli::relight::{frame_of, irradiance_for};
 use crate::export::layers::{FREE_LAMPS, LayerSet, layer_name};
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
 use crate::illuminance::AddedLux;
-use crate::look::Look;
+use crate::look::{Look, Units};
 use crate::stills::Subject;
 
 /// A bake under a look, with the light of its free lamps.
@@ -50,8 +50,13 @@ impl Seen {
         let layers = self.layers(&mut relighter, set)?;
         let wanted = ExportOptions { irradiance: options.irradiance && format == ImageFormat::Exr, ..*options };
         let irradiance = irradiance_for(&self.bake, &self.look, &self.added(), format, &wanted)?;
-        let picture =
-            Picture { radiance: &radiance, layers: &layers, irradiance: irradiance.as_ref(), look: &self.look };
+        let picture = Picture {
+            radiance: &radiance,
+            layers: &layers,
+            irradiance: irradiance.as_ref(),
+            look: &self.look,
+            units: Units::of(&self.bake.header.basis),
+        };
         picture.save(path, options)?;
         let is_black = is_black(&radiance, &self.bake.header.basis, &self.look.lights);
         Ok(is_black.then(|| black_words("the picture is")))
@@ -62,7 +67,13 @@ impl Seen {
         let (_, radiance) = self.relit()?;
         let options = ExportOptions::default();
         let irradiance = irradiance_for(&self.bake, &self.look, &self.added(), ImageFormat::Png, &options)?;
-        let picture = Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &self.look };
+        let picture = Picture {
+            radiance: &radiance,
+            layers: &[],
+            irradiance: irradiance.as_ref(),
+            look: &self.look,
+            units: Units::of(&self.bake.header.basis),
+        };
         let (picture, _) = picture.developed(&options)?;
         let pixels = picture.pixels().map(|pixel| Color32::from_rgb(pixel.0[0], pixel.0[1], pixel.0[2])).collect();
         Ok(ColorImage::new([picture.width() as usize, picture.height() as usize], pixels))

@@ -10,6 +10,7 @@ use super::task::Post;
 use crate::black::{black_words, is_black};
 use crate::contact_sheet::{Print, check_size, write_sheet};
 use crate::export::{ExportOptions, ImageFormat, Picture};
+use crate::look::Units;
 use crate::look::snapshot::Snapshot;
 use crate::output::PendingFile;
 use crate::stills::{Size, Stills, Subject};
@@ -45,7 +46,13 @@ fn sheet<'a>(
         let (irradiance, display) = stills.arriving(&look, size, stop)?;
         look.display = display;
         let Some(radiance) = stills.picture(&look, size, stop)? else { return Ok(None) };
-        let picture = Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };
+        let picture = Picture {
+            radiance: &radiance,
+            layers: &[],
+            irradiance: irradiance.as_ref(),
+            look: &look,
+            units: Units::of(&header.basis),
+        };
         let (picture, _) = picture.developed(&ExportOptions::default())?;
         prints.push(Print { name: snapshot.name.clone(), picture });
         if is_black(&radiance, &header.basis, &look.lights) {

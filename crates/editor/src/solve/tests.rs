@@ -16,7 +16,7 @@ use super::*;
 use crate::cli::relight::Relighter;
 use crate::export::{ExportOptions, Picture};
 use crate::illuminance::{AddedLux, LuxFigures, of_grid, seen_irradiance};
-use crate::look::Look;
+use crate::look::{Look, Units};
 use crate::marks::Marks;
 
 const FILM: Film = Film { width: 32, height: 24 };
@@ -220,7 +220,8 @@ fn a_png_is_matched_through_its_tone_curve() {
     let path = folder.path().join("evening.png");
     let look = Look { lights: secret.clone(), ..Look::default() };
     assert_eq!(look.display.tone, Tone::Agx);
-    let picture = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look };
+    let picture =
+        Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look, units: Units::Photometric };
     picture.save(&path, &ExportOptions::default()).unwrap();
     let intensity = |target: Target, key: &str| {
         let rig = solve(&scene, &of(vec![wish(Place::Whole, target)])).unwrap().rig;

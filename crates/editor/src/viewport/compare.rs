@@ -33,6 +33,8 @@ pub struct Compared {
 const REACH: f32 = 16.0;
 /// Room between two pictures, points.
 const GAP: f32 = 4.0;
+/// What the name of a side takes from below, points.
+pub const NAME_HEIGHT: f32 = 36.0;
 /// By how much a key moves the divider, of the picture.
 const KEY_STEP: f32 = 0.02;
 const WHOLE: Rect = Rect { min: Pos2::ZERO, max: pos2(1.0, 1.0) };
