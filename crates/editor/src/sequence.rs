@@ -194,7 +194,9 @@ impl Sequence {
                 break;
             }
             let path = self.pattern.file(frame);
-            let place = PendingFile::create(&path)?;
+            let n_written = written.n_frames;
+            let stopped = || format!("frame {frame} stopped the sequence, with {n_written} saved");
+            let place = PendingFile::create(&path).with_context(stopped)?;
             let picture = Picture {
                 radiance: &radiance,
                 layers: &[],
@@ -202,9 +204,7 @@ impl Sequence {
                 look: &look,
                 units: Units::of(basis),
             };
-            picture
-                .write(place, self.pattern.format, &self.options)
-                .with_context(|| format!("frame {frame} stopped the sequence"))?;
+            picture.write(place, self.pattern.format, &self.options).with_context(stopped)?;
             written.count(frame, is_black(&radiance, basis, &look.lights));
             last = Some((look.lights, radiance));
             on_frame(written.n_frames);

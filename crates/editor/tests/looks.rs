@@ -15,7 +15,7 @@ use eframe::egui::{
 };
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Window, ask_for, baked, click, drag, save_as, type_over, wait};
+use desk::{Dropped, Window, ask_for, baked, click, drag, save_as, type_over, wait, wait_until};
 
 fn names(window: &Window) -> Vec<&str> {
     window.state().look().snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect()
@@ -747,6 +747,19 @@ fn replace_frames(window: &mut Window, path: &std::path::Path) {
         click(window, answer);
     }
     wait(window, |app| app.session().frames().is_none());
+}
+
+#[test]
+fn frames_that_end_early_say_which_one_did_it_what_is_there_and_what_helps() {
+    let mut window = two_keys();
+    let folder = tempfile::tempdir().unwrap();
+    // What is in the way of a later frame is found once the dialog is gone.
+    std::fs::create_dir(folder.path().join("f_02.png")).unwrap();
+    save_as(&mut window, "Export frames…", &folder.path().join("f_##.png"));
+    click(&mut window, "Replace");
+    wait_until(&mut window, |window| window.query_by_label_contains("frame 2 stopped the sequence").is_some());
+    window.get_by_label_contains("frame 2 stopped the sequence, with 2 saved: cannot write");
+    window.get_by_label_contains("it is a folder");
 }
 
 #[test]
