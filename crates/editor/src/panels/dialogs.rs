@@ -1,6 +1,6 @@
 //! Windows in front of everything: choosing a file, and what to do with a look that was not saved.
 
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, is_separator};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context as TaskContext, Poll, Wake, Waker};
@@ -160,7 +160,12 @@ impl FileQuestion {
 
     /// The path that was typed, as a whole.
     fn place(&self) -> PathBuf {
-        self.folder.join(self.path.trim())
+        self.folder.join(self.typed())
+    }
+
+    /// The path that was typed, from the home folder where it begins with that.
+    fn typed(&self) -> PathBuf {
+        from_home(self.path.trim(), dirs::home_dir())
     }
 
     /// Takes the path of a file that was dropped on the window.
@@ -230,7 +235,7 @@ impl FileQuestion {
             Some(words) => ui.colored_label(ui.visuals().error_fg_color, words),
             None => ui.label(RichText::new(hint).weak().small()),
         };
-        if Path::new(self.path.trim()).is_relative() {
+        if self.typed().is_relative() {
             ui.label(RichText::new(format!("In {}", self.folder.display())).weak().small());
         }
         ui.add_space(8.0);
@@ -260,6 +265,15 @@ impl FileQuestion {
     /// What is done with the answer.
     pub fn action(&self, path: PathBuf) -> Action {
         self.task.action(path)
+    }
+}
+
+/// The path that is meant: `~` at its beginning stands for the home folder, as in a shell.
+fn from_home(path: &str, home: Option<PathBuf>) -> PathBuf {
+    let within = path.strip_prefix('~').filter(|rest| rest.is_empty() || rest.starts_with(is_separator));
+    match (within, home) {
+        (Some(within), Some(home)) => home.join(within.trim_start_matches(is_separator)),
+        _ => path.into(),
     }
 }
 
@@ -451,6 +465,25 @@ mod tests {
         let wanted = ["less than a minute ago", "less than a minute ago", "1 minute ago", "2 minutes ago"];
         assert_eq!(told[..4], wanted);
         assert_eq!(told[4..], ["1 hour ago", "2 hours ago", "1 day ago", "3 days ago"]);
+    }
+
+    #[test]
+    fn a_tilde_stands_for_the_home_folder() {
+        let meant = |path: &str| from_home(path, Some("/home/ada".into()));
+        assert_eq!(meant("~/a b.look"), Path::new("/home/ada/a b.look"));
+        assert_eq!(meant("~"), Path::new("/home/ada"));
+        assert_eq!(meant("~/out/").to_string_lossy(), "/home/ada/out/", "it names a folder, as it was typed");
+        for literal in ["~ada/a.look", "a/~/b.look", "./~", "~.look", "/tmp/a.look", ""] {
+            assert_eq!(meant(literal), Path::new(literal));
+        }
+        assert_eq!(from_home("~/a.look", None), Path::new("~/a.look"));
+
+        let home = dirs::home_dir().unwrap();
+        for task in [FileTask::OpenScene, FileTask::SaveLook, FileTask::Export] {
+            let mut question = FileQuestion::new(task, "", "/elsewhere".into(), None, FileDialogs::FieldOnly);
+            question.path = " ~/a.glb ".into();
+            assert_eq!(question.place(), home.join("a.glb"));
+        }
     }
 
     #[test]
