@@ -6,6 +6,7 @@
 
 pub mod bookmarks;
 mod damage;
+mod differences;
 pub mod display;
 pub mod fade;
 pub mod groups;

@@ -506,6 +506,23 @@ fn a_number_that_a_click_takes_is_a_step_of_its_own() {
 }
 
 #[test]
+fn numbers_of_two_lights_are_two_steps_however_soon_they_follow() {
+    let mut window = baked();
+    for (label, factor) in [("lamp factor", 2.0), ("lamp factor", 3.0), ("panel factor", 4.0)] {
+        window.get_by_label(label).set_value_accesskit(factor);
+        // Half a second, in which no state rests.
+        window.run_steps(2);
+    }
+    let factors =
+        |window: &Window| ["lamp", "panel"].map(|key| window.state().look().lights.own_setting(key).intensity);
+    assert_eq!(factors(&window), [3.0, 4.0]);
+    click(&mut window, "Undo");
+    assert_eq!(factors(&window), [3.0, 1.0]);
+    click(&mut window, "Undo");
+    assert_eq!(factors(&window), [1.0, 1.0], "the same number twice is one step");
+}
+
+#[test]
 fn digits_that_are_shown_count_where_they_are_typed() {
     let mut window = baked();
     type_over(&mut window, "lamp factor", "0.123456");

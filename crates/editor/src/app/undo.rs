@@ -1,6 +1,8 @@
-//! Steps of undo: one drag is one step, and so is an edit that no pointer makes. A step is the look, the sky that the scene is baked under,
-//! and, while the camera is in hand, where that is; so a view that was left without a bake comes back.
+//! Steps of undo: one drag is one step, and so is an edit that no pointer makes, with those of the same thing that follow at once. A step
+//! is the look, the sky that the scene is baked under, and, while the camera is in hand, where that is; so a view that was left without a
+//! bake comes back.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use clerestory_transport::camera::Camera;
@@ -28,6 +30,8 @@ struct Step {
 pub(super) struct Steps {
     undoer: Undoer<Step>,
     now: Step,
+    /// What was edited last, by name.
+    edited: BTreeSet<String>,
 }
 
 impl Steps {
@@ -37,6 +41,21 @@ impl Steps {
 
     pub fn can_redo(&self) -> bool {
         self.undoer.has_redo(&self.now)
+    }
+
+    /// What is done to one thing after another is a step for each, however soon they follow: what stood before `look` is kept where
+    /// something else was edited last, and has not rested yet.
+    fn part(&mut self, look: &Look, sky: Option<&ChosenSky>, flight: Option<&Camera>) {
+        let mut edited = if self.now.look == *look { BTreeSet::new() } else { look.differences(&self.now.look) };
+        edited.extend((self.now.sky.as_ref() != sky).then(|| "sky of the bake".to_owned()));
+        edited.extend((self.now.flight.as_ref() != flight).then(|| "camera".to_owned()));
+        if edited.is_empty() {
+            return;
+        }
+        if self.undoer.is_in_flux() && edited != self.edited {
+            self.undoer.add_undo(&self.now);
+        }
+        self.edited = edited;
     }
 
     /// Looks are large: one that stays is not copied.
@@ -57,13 +76,14 @@ impl App {
     /// The steps, up to date.
     fn steps(&mut self) -> &mut Steps {
         let flight = self.camera.camera.as_ref().filter(|_| self.camera.is_moving);
+        self.steps.part(&self.look, self.choices.sky.as_ref(), flight);
         self.steps.follow(&self.look, self.choices.sky.as_ref(), flight);
         &mut self.steps
     }
 
     pub(super) fn undo(&mut self) {
         self.daylight.stop();
-        let Steps { undoer, now } = self.steps();
+        let Steps { undoer, now, .. } = self.steps();
         if let Some(step) = undoer.undo(now).cloned() {
             self.go_to(step, "Undone");
         }
@@ -71,7 +91,7 @@ impl App {
 
     pub(super) fn redo(&mut self) {
         self.daylight.stop();
-        let Steps { undoer, now } = self.steps();
+        let Steps { undoer, now, .. } = self.steps();
         if let Some(step) = undoer.redo(now).cloned() {
             self.go_to(step, "Done again");
         }
@@ -133,7 +153,7 @@ impl App {
     }
 
     pub(super) fn keep_step(&mut self) {
-        let Steps { undoer, now } = self.steps();
+        let Steps { undoer, now, .. } = self.steps();
         undoer.add_undo(now);
     }
 

@@ -1,0 +1,122 @@
+//! Which members of a look differ from those of another one: what was edited.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde_json::Value;
+
+use super::Look;
+
+/// Longest list of numbers of which each is a thing of its own, as those of a place are.
+const MOST_APART: usize = 3;
+/// End of the path of a color, which is one thing: who picks one may change any of its channels.
+const COLOR: &str = ".color";
+
+impl Look {
+    /// Paths of the members that differ, by the names that they have in files, such as `lights.Spot.intensity` or
+    /// `lamps.0.position.1`.
+    pub fn differences(&self, other: &Look) -> BTreeSet<String> {
+        let [own, others] = [self.apart_from(other), other.apart_from(self)].map(|look| members_in_file(&look));
+        let mut paths = BTreeSet::new();
+        collect([Some(&own), Some(&others)], "", &mut paths);
+        paths
+    }
+
+    /// Without what the other one has alike: what is large and stays is not written.
+    fn apart_from(&self, other: &Look) -> Look {
+        Look {
+            lights: apart(&self.lights, &other.lights),
+            names: apart(&self.names, &other.names),
+            display: apart(&self.display, &other.display),
+            snapshots: apart(&self.snapshots, &other.snapshots),
+            on: apart(&self.on, &other.on),
+            timeline: apart(&self.timeline, &other.timeline),
+            scene: apart(&self.scene, &other.scene),
+            bookmarks: apart(&self.bookmarks, &other.bookmarks),
+            wishes: apart(&self.wishes, &other.wishes),
+            marks: apart(&self.marks, &other.marks),
+            probes: apart(&self.probes, &other.probes),
+        }
+    }
+}
+
+fn apart<T: Clone + Default + PartialEq>(own: &T, other: &T) -> T {
+    if own == other { T::default() } else { own.clone() }
+}
+
+fn members_in_file(look: &Look) -> Value {
+    serde_json::from_str(&look.to_json()).expect("a look is written as JSON")
+}
+
+fn collect([own, others]: [Option<&Value>; 2], path: &str, paths: &mut BTreeSet<String>) {
+    if own == others {
+        return;
+    }
+    let [own, others] = [own, others].map(members_of);
+    let keys: BTreeSet<&String> = own.keys().chain(others.keys()).collect();
+    if keys.is_empty() || path.ends_with(COLOR) {
+        paths.insert(path.to_owned());
+        return;
+    }
+    for key in keys {
+        let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+        collect([own.get(key).copied(), others.get(key).copied()], &path, paths);
+    }
+}
+
+/// Members of an object and items of a list, by name and number; none of what is one thing.
+fn members_of(value: Option<&Value>) -> BTreeMap<String, &Value> {
+    match value {
+        Some(Value::Object(members)) => members.iter().map(|(name, member)| (name.clone(), member)).collect(),
+        Some(Value::Array(items)) if items.len() <= MOST_APART || items.iter().all(Value::is_object) => {
+            items.iter().enumerate().map(|(nth, item)| (nth.to_string(), item)).collect()
+        }
+        _ => BTreeMap::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+    use clerestory_transport::light::LightSetting;
+    use glam::Vec3;
+
+    use super::*;
+
+    #[test]
+    fn what_was_edited_is_named_by_light_and_member() {
+        let mut look = Look::default();
+        look.lights.lamps.push(FreeLamp {
+            key: "Globe 1".into(),
+            shape: LampShape::Sphere { radius_m: 0.1 },
+            position: Vec3::ONE,
+            aim: Vec3::ZERO,
+            strength: 800.0,
+            unit: LampUnit::Lumen,
+            setting: LightSetting::default(),
+            turn_rad: 0.0,
+            replaces: None,
+        });
+        let edited = |edit: fn(&mut Look)| {
+            let mut other = look.clone();
+            edit(&mut other);
+            let found = other.differences(&look);
+            assert_eq!(found, look.differences(&other), "whichever was first");
+            Vec::from_iter(found)
+        };
+        assert_eq!(edited(|_| {}), [""; 0]);
+        assert_eq!(edited(|look| look.lights.lamps[0].position.y = 2.0), ["lamps.0.position.1"]);
+        assert_eq!(edited(|look| look.lights.lamps[0].strength = 900.0), ["lamps.0.strength"]);
+        assert_eq!(
+            edited(|look| look.lights.set("Spot", LightSetting { intensity: 2.0, ..LightSetting::default() })),
+            ["lights.Spot.intensity"]
+        );
+        assert_eq!(
+            edited(|look| {
+                let color = Some([1.0, 0.5, 0.25]);
+                look.lights.set("Desk", LightSetting { color, muted: true, ..LightSetting::default() });
+            }),
+            ["lights.Desk.color", "lights.Desk.muted"]
+        );
+        assert_eq!(edited(|look| look.display.exposure_ev = Some(1.0)), ["display.exposure_ev"]);
+    }
+}
