@@ -16,7 +16,7 @@ pub mod zoom;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::{
-    self, Color32, CursorIcon, PointerButton, Rect, Response, RichText, Sense, TextureId, Ui, pos2, vec2,
+    self, Color32, CursorIcon, Key, PointerButton, Rect, Response, RichText, Sense, TextureId, Ui, pos2, vec2,
 };
 
 use crate::action::{Action, FileTask};
@@ -25,7 +25,9 @@ use crate::legend::Legend;
 use crate::look::Look;
 use crate::panels::arrows::{FINE, arrows};
 use crate::panels::heat::Overlay;
+use crate::panels::lamps::add_menu;
 use crate::panels::lights::LightsState;
+use crate::panels::menu::{context_menu, is_asked};
 use crate::panels::spots::key_step;
 use crate::session::{BakeState, Stage};
 use crate::theme;
@@ -108,6 +110,7 @@ pub fn viewport_ui(
     let size = vec2(width as f32, height as f32);
     state.zoom.heed_size(size, ui.pixels_per_point());
     let responses: Vec<Response> = areas.iter().zip(NAMES).map(|(area, name)| picture_of(ui, *area, name)).collect();
+    put_back(ui, &mut state.grab, look);
     for response in &responses {
         zoom::navigate(ui, response, (&mut state.zoom, &mut state.grab), size);
     }
@@ -208,16 +211,43 @@ fn handles_ui(
 ) -> bool {
     let Sight { scene, camera, film, image } = *sight;
     let picker = PanelPicker { scene, camera, film, image };
-    let mut is_free = !lamps::lamps_ui(ui, response, sight, look, &mut lights.lamps, actions);
+    let mut is_free = !lamps::lamps_ui(ui, response, sight, look, lights, actions);
     if !lights.lamps.aiming && lights.lamps.drag.is_none() {
         is_free &= !names::marks_ui(ui, response, sight, look, lights, actions);
         if lights.lamps.pulled_at.is_none() {
             drag_spots(ui, response, &picker, state, look, &mut lights.spot);
         }
         names::surface_hint(ui, response, sight, look);
+        names::selected_ui(ui, response, sight, look, lights);
     }
+    menu_ui(response, sight, &picker, look, lights, actions);
     picker.paint(&ui.painter_at(response.rect), look, lights.spot.as_ref());
     is_free
+}
+
+/// The menu of the picture: what can be added where it was asked for, and the spot that is there.
+fn menu_ui(
+    picture: &Response,
+    sight: &Sight,
+    picker: &PanelPicker,
+    look: &mut Look,
+    lights: &mut LightsState,
+    actions: &mut Vec<Action>,
+) {
+    if picture.secondary_clicked() {
+        lights.lamps.menu_at = picture.interact_pointer_pos();
+    } else if is_asked(picture) {
+        // By the keyboard it is about the middle of the view.
+        lights.lamps.menu_at = None;
+    }
+    let at = lights.lamps.menu_at;
+    context_menu(picture, |ui| {
+        let px = at.map(|at| lamps::film_px(sight, at));
+        ui.menu_button("Add lamp here", |ui| add_menu(ui, px, actions));
+        if let Some(at) = at {
+            picker.menu_ui(ui, at, look, &mut lights.spot);
+        }
+    });
 }
 
 /// Where there are no handles, a press takes the picture, and a double-click shows all of it.
@@ -255,13 +285,14 @@ fn drag_spots(
 ) {
     if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
         let press = ui.input(|input| input.pointer.press_origin()).filter(|at| response.rect.contains(*at));
-        state.grab = Some(press.and_then(|at| picker.grab(at, look)).unwrap_or(Grab::Picture));
+        state.grab = Some(press.and_then(|at| picker.grab(at, look)).map_or(Grab::Picture, Grab::Spot));
     }
-    if let Some(Grab::Spot { panel, idx }) = &state.grab {
+    if let Some(Grab::Spot(held)) = &mut state.grab {
         if let Some(at) = response.interact_pointer_pos() {
-            picker.drag(panel, *idx, at, look);
+            let speed = if ui.input(|input| input.modifiers.shift) { FINE } else { 1.0 };
+            picker.drag(held, at, speed, look);
         }
-        *chosen = Some((panel.clone(), *idx));
+        *chosen = Some((held.panel.clone(), held.idx));
         response.request_focus();
         ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
     }
@@ -278,6 +309,15 @@ fn drag_spots(
     if let Some(hint) = hovered.and_then(|at| picker.hint(at, look)) {
         ui.ctx().set_cursor_icon(CursorIcon::Grab);
         lamps::hint(ui, response.rect, &hint);
+    }
+}
+
+/// Esc puts a spot that is dragged back; before anything else, as the toolkit ends the drag by that key.
+fn put_back(ui: &Ui, grab: &mut Option<Grab>, look: &mut Look) {
+    if ui.input(|input| input.key_pressed(Key::Escape))
+        && let Some(Grab::Spot(held)) = grab.take_if(|grab| matches!(grab, Grab::Spot(_)))
+    {
+        held.put_back(look);
     }
 }
 

@@ -28,6 +28,8 @@ pub struct LampState {
     pub drag: Option<Drag>,
     /// Where the pointer was seen last while it drags.
     pub dragged_to: Option<Pos2>,
+    /// Lamps that are selected together with the one that is dragged and go along with it, as they were.
+    pub carried: Vec<FreeLamp>,
     /// Where the chosen lamp was pulled out of the file, before it is held.
     pub pulled_at: Option<Pos2>,
     /// What stood before that, while it is held.

@@ -35,7 +35,7 @@ use mix::Mix;
 use names::Renaming;
 use scale::{IDEAL_EFFICACY, Scale};
 use selection::Selection;
-pub use solo::{heard, solo_banner_ui};
+pub use solo::{heard, letters_menu, solo_banner_ui};
 use table::Sorting;
 
 /// How the lights are laid out.
@@ -164,6 +164,8 @@ impl LightsState {
         let (asked, pick) = picked.map_or((asked, Pick::Alone), |(key, pick)| (Some(key), pick));
         if let Some(key) = asked {
             match pick {
+                // What is dragged takes what is selected along, and all of it stays selected.
+                Pick::Alone if !self.lamps.carried.is_empty() => {}
                 Pick::Alone => self.selection.set(&key),
                 Pick::Another => self.selection.add(&key),
             }
