@@ -847,6 +847,16 @@ fn a_file_that_is_no_scene_is_told_in_words_and_another_can_be_opened() {
 }
 
 #[test]
+fn a_look_that_is_named_at_the_start_is_told_for_what_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("evening.look");
+    Look::default().save(&path).unwrap();
+    let mut window = open(Source::File(path));
+    wait(&mut window, |app| matches!(app.session().stage, Stage::Failed(..)));
+    assert!(window.query_all_by_label_contains("it is a look, which lights a scene").next().is_some());
+}
+
+#[test]
 fn the_keys_are_listed() {
     let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: room() });
     window.run_steps(2);
