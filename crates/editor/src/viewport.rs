@@ -16,7 +16,7 @@ pub mod zoom;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::{
-    self, Color32, CursorIcon, Key, PointerButton, Rect, Response, RichText, Sense, TextureId, Ui, pos2, vec2,
+    self, Color32, CursorIcon, Key, PointerButton, Pos2, Rect, Response, RichText, Sense, TextureId, Ui, pos2, vec2,
 };
 
 use crate::action::{Action, FileTask};
@@ -193,7 +193,12 @@ fn touch_ui(
                 let seen = response.clone().with_new_rect(part);
                 is_free &= handles_ui(ui, &seen, &sight, state, (look, lights), actions);
             }
-            None => grab_picture(response, state),
+            None => {
+                grab_picture(response, state);
+                let grid = Grid { image: images[nth], size: [film.width, film.height] };
+                let px = asked_at(response, lights).and_then(|at| grid.pixel(at));
+                context_menu(response, |ui| view_menu(ui, px, &mut state.probes, actions));
+            }
         }
     }
     is_free
@@ -220,34 +225,61 @@ fn handles_ui(
         names::surface_hint(ui, response, sight, look);
         names::selected_ui(ui, response, sight, look, lights);
     }
-    menu_ui(response, sight, &picker, look, lights, actions);
+    menu_ui(response, sight, &picker, &mut state.probes, (look, lights), actions);
     picker.paint(&ui.painter_at(response.rect), look, lights.spot.as_ref());
     is_free
 }
 
-/// The menu of the picture: what can be added where it was asked for, and the spot that is there.
+/// The menu of a picture with handles: what can be added where it was asked for, the spot that is there, and what each picture has.
 fn menu_ui(
     picture: &Response,
     sight: &Sight,
     picker: &PanelPicker,
-    look: &mut Look,
-    lights: &mut LightsState,
+    probes: &mut Probes,
+    (look, lights): (&mut Look, &mut LightsState),
     actions: &mut Vec<Action>,
 ) {
-    if picture.secondary_clicked() {
-        lights.lamps.menu_at = picture.interact_pointer_pos();
-    } else if is_asked(picture) {
-        // By the keyboard it is about the middle of the view.
-        lights.lamps.menu_at = None;
-    }
-    let at = lights.lamps.menu_at;
+    let at = asked_at(picture, lights);
+    let grid = Grid { image: sight.image, size: [sight.film.width, sight.film.height] };
     context_menu(picture, |ui| {
         let px = at.map(|at| lamps::film_px(sight, at));
         ui.menu_button("Add lamp here", |ui| add_menu(ui, px, actions));
         if let Some(at) = at {
             picker.menu_ui(ui, at, look, &mut lights.spot);
         }
+        ui.separator();
+        view_menu(ui, at.and_then(|at| grid.pixel(at)), probes, actions);
     });
+}
+
+/// Where the menu of a picture was asked for; by the keyboard nowhere, it is about the middle of the view then.
+fn asked_at(picture: &Response, lights: &mut LightsState) -> Option<Pos2> {
+    if picture.secondary_clicked() {
+        lights.lamps.menu_at = picture.interact_pointer_pos();
+    } else if is_asked(picture) {
+        lights.lamps.menu_at = None;
+    }
+    lights.lamps.menu_at
+}
+
+/// What the menu of each picture has: a probe at a pixel, and how the picture is looked at.
+fn view_menu(ui: &mut Ui, px: Option<[u32; 2]>, probes: &mut Probes, actions: &mut Vec<Action>) {
+    if let Some(px) = px
+        && ui.button("Pin a probe here").on_hover_text("P at the pointer").clicked()
+    {
+        probes.pin(px);
+        ui.close();
+    }
+    let ways = [
+        ("Show the whole picture", "F, or a double-click", Action::FitPicture),
+        ("Show it pixel by pixel", "1", Action::OneToOne),
+    ];
+    for (words, keys, action) in ways {
+        if ui.button(words).on_hover_text(keys).clicked() {
+            actions.push(action);
+            ui.close();
+        }
+    }
 }
 
 /// Where there are no handles, a press takes the picture, and a double-click shows all of it.

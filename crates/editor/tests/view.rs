@@ -13,7 +13,7 @@ use clerestory_transport::archive;
 use clerestory_transport::camera::{Camera, Film, Pose};
 use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::{LightRig, LightSetting};
-use eframe::egui::{Key, Pos2, Role, vec2};
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -160,6 +160,34 @@ fn a_region_is_zoomed_to_and_the_whole_picture_comes_back() {
     window.run_steps(4);
     assert!(window.query_by_label_contains("cd/m²").is_none());
     assert_eq!(under(&mut window, area.center() + vec2(-31.5, -23.5)), "0, 0");
+}
+
+#[test]
+fn the_menu_of_the_picture_pins_a_probe_and_shows_each_pixel_or_all_of_them() {
+    let mut window = baked();
+    let from_menu = |window: &mut Window, pos: Pos2, item: &str| {
+        window.hover_at(pos);
+        window.run_steps(2);
+        for pressed in [true, false] {
+            let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+            window.event(Event::PointerButton { pos, button, pressed, modifiers });
+            window.run_steps(1);
+        }
+        window.run_steps(3);
+        click(window, item);
+        window.run_steps(2);
+    };
+    let pin = |window: &Window| window.get_by_label_contains("Probe 1, ").rect().center();
+    let (at, middle) = (on_screen(&window, WALL), window.get_by_label("Picture").rect().center());
+    from_menu(&mut window, at, "Pin a probe here");
+    let pinned = pin(&window);
+    assert!(pinned.distance(at) < 10.0, "{pinned} for {at}");
+    // One to one the 64 × 48 pixels are a stamp in the middle.
+    let beside = at + vec2(60.0, 0.0);
+    from_menu(&mut window, beside, "Show it pixel by pixel");
+    assert!(pin(&window).distance(middle) < 40.0, "{}", pin(&window));
+    from_menu(&mut window, beside, "Show the whole picture");
+    assert_eq!(pin(&window), pinned);
 }
 
 /// The camera of the picture that is shown.
