@@ -92,8 +92,10 @@ pub enum Action {
     },
     /// Put the lamp back into the file that is being pulled out of it.
     PutBack(Box<Pulled>),
-    /// Add a copy of the chosen lamp.
+    /// Add copies of the chosen lamps.
     DuplicateLamp,
+    /// Add a free copy of a lamp of the file, which stays as it is.
+    CopyLamp(String),
     /// Take the chosen lamp away.
     DeleteLamp,
     /// Bakes again, with how lamps that are moved light the room by way of its surfaces.

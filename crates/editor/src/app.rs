@@ -356,6 +356,7 @@ impl App {
             Action::PullLamp { key, at } => self.pull_lamp(&key, at),
             Action::PutBack(pulled) => self.put_back(*pulled),
             Action::DuplicateLamp => self.duplicate_lamps(),
+            Action::CopyLamp(key) => self.add_copies(&[], &[key]),
             Action::DeleteLamp => self.delete_lamps(),
             Action::DeleteChosen => self.delete_chosen(),
             Action::AimLamp => self.aim_lamp(),

@@ -219,6 +219,32 @@ fn keys_are_for_the_lamp_of_the_file_that_was_clicked_last() {
     window.key_press(Key::Delete);
     window.run_steps(3);
     assert_eq!(lamps(&window).len(), 1, "nothing that is chosen can be deleted");
+    let why = "lamp is a light of the file, which cannot be deleted; mute it instead";
+    assert!(window.query_all_by_label(why).next().is_some());
+}
+
+#[test]
+fn a_lamp_of_the_file_is_copied_by_key_and_menu_and_stays_as_it_is() {
+    let mut window = baked();
+    let at = on_screen(&window, Vec3::new(0.3, 0.6, -0.2));
+    click_at(&mut window, at, Modifiers::NONE);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::D);
+    window.run_steps(3);
+    ask_for_menu(&mut window, at);
+    click(&mut window, "Duplicate");
+    let copies = lamps(&window);
+    let keys: Vec<&str> = copies.iter().map(|lamp| lamp.key.as_str()).collect();
+    assert_eq!(keys, ["lamp 1", "lamp 2"]);
+    let look = window.state().look();
+    assert!(!look.lights.is_replaced("lamp") && !look.lights.setting("lamp").muted, "it shines as before");
+    for copy in &copies {
+        assert_eq!((copy.strength, copy.unit, copy.replaces.as_deref()), (3.0, LampUnit::Candela, None));
+        assert!(copy.position.distance(Vec3::new(0.3, 0.6, -0.2)) > 0.01, "{}", copy.position);
+    }
+    for n_left in [1, 0] {
+        click(&mut window, "Undo");
+        assert_eq!(lamps(&window).len(), n_left);
+    }
 }
 
 #[test]
