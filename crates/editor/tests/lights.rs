@@ -500,6 +500,11 @@ fn lights_that_are_selected_in_the_list_are_shown_where_they_are() {
     assert_eq!(shown(&window), ["left in the picture", "right in the picture", "panel, selected"]);
     click(&mut window, "Select nothing");
     assert!(shown(&window).is_empty());
+
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.run_steps(3);
+    window.get_by_label("5 lights selected");
+    assert_eq!(shown(&window).len(), 4);
 }
 
 /// Where the handle of a fader is that stands at the file's value.

@@ -13,7 +13,7 @@ use clerestory_transport::archive;
 use clerestory_transport::camera::{Camera, Film, Pose};
 use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::{LightRig, LightSetting};
-use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, vec2};
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, ViewportEvent, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -321,6 +321,24 @@ fn the_camera_goes_back_to_the_baked_view() {
     window.run_steps(3);
     window.get_by_label("Picture");
     assert_eq!(window.state().camera(), Some(&first));
+}
+
+#[test]
+fn esc_that_closes_a_question_leaves_the_camera_in_hand() {
+    let mut window = baked();
+    click(&mut window, "Mute panel");
+    turn_camera(&mut window);
+    let turned = window.state().camera().unwrap().clone();
+    let input = window.input_mut();
+    let id = input.viewport_id;
+    input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
+    window.run_steps(3);
+    window.get_by_label("Save the look?");
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    assert!(window.query_by_label("Save the look?").is_none());
+    window.get_by_label("View of the camera");
+    assert_eq!(window.state().camera(), Some(&turned));
 }
 
 #[test]

@@ -1149,6 +1149,13 @@ fn work_that_may_be_lost_is_unsaved_still_where_what_was_to_replace_it_cannot_be
 fn keys_are_for_the_question_that_waits() {
     let mut window = baked();
     click(&mut window, "Mute lamp");
+    let name = window.get_by_label("Mute lamp").rect().right_center() + vec2(20.0, 0.0);
+    window.hover_at(name);
+    window.run_steps(2);
+    window.drag_at(name);
+    window.run_steps(2);
+    window.drop_at(name);
+    window.run_steps(3);
     let look = window.state().look().clone();
     let input = window.input_mut();
     let id = input.viewport_id;
@@ -1158,7 +1165,14 @@ fn keys_are_for_the_question_that_waits() {
     window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
     window.run_steps(3);
     assert_eq!(*window.state().look(), look, "nothing is undone behind it");
+    window.key_press(Key::CloseBracket);
+    window.run_steps(3);
+    assert_eq!(*window.state().look(), look, "nor is the selected light made brighter");
     click(&mut window, "Cancel");
+    window.key_press(Key::CloseBracket);
+    window.run_steps(3);
+    assert!(window.state().look().lights.own_setting("lamp").intensity > 1.0);
+    click(&mut window, "Undo");
     window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
     window.run_steps(3);
     assert!(*window.state().look() != look);

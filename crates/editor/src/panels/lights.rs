@@ -25,6 +25,7 @@ use serde::{Deserialize, Serialize};
 
 use super::lamps::{LampChoice, LampState, Pick, add_button, missing_ui};
 use super::number::Number;
+use super::shortcuts::{ALL_LIGHTS, hears_keys};
 use crate::action::Action;
 use crate::look::Look;
 pub use groups::{ADDED, take_in, with_groups};
@@ -325,9 +326,17 @@ fn order(items: &[Item], lights: &[Listed], collapsed: &BTreeSet<String>) -> Vec
     shown.map(|idx| lights[*idx].key.clone()).collect()
 }
 
-/// Keys that change what is selected. While somebody types they are letters.
+/// Keys that select, and change what is selected. While somebody types they are letters.
 fn keys(ui: &Ui, mix: &mut Mix) {
-    if mix.state.selection.is_empty() || ui.ctx().text_edit_focused() {
+    if !hears_keys(ui) {
+        return;
+    }
+    if ui.input_mut(|input| input.consume_shortcut(&ALL_LIGHTS)) {
+        let listed: Vec<usize> = mix.items.iter().flat_map(Item::lights).copied().collect();
+        let all = mix.keys(&listed);
+        mix.state.select(all);
+    }
+    if mix.state.selection.is_empty() {
         return;
     }
     let pressed = |key: Key| ui.input_mut(|input| input.consume_key(Modifiers::NONE, key));

@@ -2,7 +2,7 @@
 
 use eframe::egui::gui_zoom::kb_shortcuts::{ZOOM_IN, ZOOM_OUT, ZOOM_RESET};
 use eframe::egui::text_selection::LabelSelectionState;
-use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers};
+use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers, Ui};
 
 use super::looks::cards::{WITH_KEY, take_keys as look_keys};
 use super::menu::MENU;
@@ -45,6 +45,8 @@ const DELETE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Del
 const DELETE_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Backspace);
 /// Copies the chosen lamp.
 pub const DUPLICATE: KeyboardShortcut = command(Key::D);
+/// Selects all lights that are listed.
+pub const ALL_LIGHTS: KeyboardShortcut = command(Key::A);
 const AIM: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::A);
 const HELP: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
 
@@ -94,6 +96,11 @@ pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
     if asks_for_help(ctx) {
         actions.push(Action::ToggleShortcuts);
     }
+}
+
+/// Whether keys are for what is drawn there: neither for a text nor for a question in front of it.
+pub fn hears_keys(ui: &Ui) -> bool {
+    !ui.text_edit_focused() && ui.memory(|memory| memory.allows_interaction(ui.layer_id()))
 }
 
 /// Whether a question mark was typed: where it lies, and with which keys it is made, each keyboard has for itself.
@@ -198,6 +205,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Del"), "Delete the lamp, or the key of the timeline, that was chosen last"),
         (format!("Click on a name, with Shift, with {command}"), "Select a light, all up to there, one more"),
         (format!("Click in the picture, with Shift or {command}"), "Select the light that shines there, or one more"),
+        (keys(&ALL_LIGHTS), "Select all lights that the list has"),
         (words("[ and ]"), "Selected lights a third of a stop darker, brighter"),
         (words("Arrow keys on a fader, with Shift"), "A third of a stop, a twelfth"),
         (words("F2"), "Rename the selected light"),

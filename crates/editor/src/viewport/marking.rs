@@ -9,6 +9,7 @@ use eframe::egui::{
 
 use super::lamps::hint;
 use crate::marks::{Kin, Marks};
+use crate::panels::shortcuts::hears_keys;
 use crate::theme;
 
 /// What a press on the picture marks.
@@ -94,7 +95,7 @@ pub fn marking_ui(ui: &Ui, response: &Response, image: Rect, film: Film, state: 
         paint(ui, response.rect, image, marks);
     }
     let Some(tool) = state.tool else { return false };
-    if !ui.text_edit_focused() && ui.input(|input| input.key_pressed(Key::Escape)) {
+    if hears_keys(ui) && ui.input(|input| input.key_pressed(Key::Escape)) {
         (state.tool, state.press) = (None, None);
         return false;
     }

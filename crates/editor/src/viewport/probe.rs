@@ -13,6 +13,7 @@ use crate::look::Look;
 use crate::panels::color::swatch_color;
 use crate::panels::lamps::Pick;
 use crate::panels::lights::LightsState;
+use crate::panels::shortcuts::hears_keys;
 use crate::session::shares::{Share, sum};
 use crate::theme;
 
@@ -163,8 +164,7 @@ pub fn follow(ui: &Ui, plates: &[Plate], probes: &mut Probes, is_free: bool) {
         probes.hover = hover;
         ui.ctx().request_repaint();
     }
-    let keys =
-        |key: Key| !ui.text_edit_focused() && ui.input(|input| input.modifiers.is_none() && input.key_pressed(key));
+    let keys = |key: Key| hears_keys(ui) && ui.input(|input| input.modifiers.is_none() && input.key_pressed(key));
     if let Some(px) = hover.filter(|_| keys(Key::P)) {
         probes.pin(px);
         ui.ctx().request_repaint();
