@@ -79,7 +79,9 @@ pub enum Action {
         /// See [`Action::AddLamp`].
         at_px: Option<[f32; 2]>,
     },
-    /// Add a lamp with a measured distribution.
+    /// Ask for the profile of a lamp that is there.
+    AskProfileFor(String),
+    /// Add a lamp with a measured distribution, or give it to the lamp that it was asked for.
     AddProfile(PathBuf),
     /// Put a free lamp in the place of a lamp of the file.
     MakeMovable(String),

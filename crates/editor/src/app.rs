@@ -131,6 +131,8 @@ pub struct App {
     after_saving: Option<Action>,
     /// Where the lamp goes whose profile is being asked for.
     profile_at_px: Option<[f32; 2]>,
+    /// The lamp that is there for which one is being asked.
+    profile_for: Option<String>,
     shortcuts: bool,
     /// Only the picture is shown between the bars.
     is_bare: bool,
@@ -220,6 +222,7 @@ impl App {
             may_lose_look: false,
             after_saving: None,
             profile_at_px: None,
+            profile_for: None,
             shortcuts: false,
             is_bare: false,
             sides: left(cc, PANELS_KEY),
@@ -351,6 +354,7 @@ impl App {
             Action::UseSky(path) => self.use_sky(&path),
             Action::AddLamp { shape, at_px } => self.add_lamp(shape, at_px),
             Action::AskProfile { at_px } => self.ask_profile(at_px),
+            Action::AskProfileFor(key) => self.ask_profile_for(key),
             Action::AddProfile(path) => self.add_profile(path),
             Action::MakeMovable(key) => self.make_movable(&key),
             Action::PullLamp { key, at } => self.pull_lamp(&key, at),

@@ -602,6 +602,29 @@ fn a_profile_from_the_menu_becomes_a_lamp() {
 }
 
 #[test]
+fn a_lamp_that_hangs_gets_a_profile_by_its_menu() {
+    let folder = tempfile::tempdir().unwrap();
+    let ies = profile(folder.path());
+    let mut window = with_lamp("Point");
+    let before = lamps(&window);
+    let at = middle(&window, "Move Point lamp 1 over surfaces");
+    ask_for_menu(&mut window, at);
+    ask_for(&mut window, "Give it a profile…", &ies);
+    click(&mut window, "Open");
+    let [lamp] = &lamps(&window)[..] else { panic!("{:?}", lamps(&window)) };
+    assert_eq!(lamp.shape, LampShape::Profile { file: ies.display().to_string() });
+    assert_eq!((lamp.strength, lamp.unit), (100.0, LampUnit::Candela));
+    assert_eq!((&lamp.key, lamp.position), (&before[0].key, before[0].position));
+    click(&mut window, "Undo");
+    assert_eq!(lamps(&window), before, "one step");
+
+    // The next one that is dropped is a lamp of its own.
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(ies)));
+    window.run_steps(3);
+    assert_eq!(lamps(&window).len(), 2);
+}
+
+#[test]
 fn a_profile_that_is_dropped_on_the_window_becomes_a_lamp() {
     let folder = tempfile::tempdir().unwrap();
     let ies = profile(folder.path());

@@ -324,6 +324,17 @@ fn the_camera_goes_back_to_the_baked_view() {
 }
 
 #[test]
+fn a_solo_says_so_while_the_camera_is_in_hand_too() {
+    let mut window = baked();
+    click(&mut window, "Solo lamp");
+    turn_camera(&mut window);
+    let [banner, bake] = ["Solo: lamp", "Bake this view"].map(|label| window.get_by_label(label).rect());
+    assert!(banner.top() > bake.bottom(), "{banner} below {bake}");
+    click(&mut window, "Clear solo");
+    assert!(window.query_by_label("Solo: lamp").is_none());
+}
+
+#[test]
 fn esc_that_closes_a_question_leaves_the_camera_in_hand() {
     let mut window = baked();
     click(&mut window, "Mute panel");

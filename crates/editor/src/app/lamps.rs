@@ -87,20 +87,42 @@ impl App {
     }
 
     pub(super) fn ask_profile(&mut self, at_px: Option<[f32; 2]>) {
-        self.profile_at_px = at_px;
+        (self.profile_at_px, self.profile_for) = (at_px, None);
+        self.ask(FileTask::OpenProfile);
+    }
+
+    pub(super) fn ask_profile_for(&mut self, key: String) {
+        self.profile_for = Some(key);
         self.ask(FileTask::OpenProfile);
     }
 
     pub(super) fn add_profile(&mut self, path: PathBuf) {
+        let (at_px, of) = (self.profile_at_px.take(), self.profile_for.take());
         let path = std::path::absolute(&path).unwrap_or(path);
         match read_profile(&path) {
             Ok(profile) => {
-                let (shape, at_px) =
-                    (LampShape::Profile { file: path.display().to_string() }, self.profile_at_px.take());
-                self.place_lamp(shape, Some((profile.max_candela(), LampUnit::Candela)), at_px);
+                let shape = LampShape::Profile { file: path.display().to_string() };
+                let own = (profile.max_candela(), LampUnit::Candela);
+                match of {
+                    Some(key) => self.give_profile(&key, shape, own),
+                    None => self.place_lamp(shape, Some(own), at_px),
+                }
             }
             Err(why) => self.complain(format!("{}: {why}", path.display())),
         }
+    }
+
+    /// A lamp shines by a measured distribution from now on, as strong as that says.
+    fn give_profile(&mut self, key: &str, shape: LampShape, (strength, unit): (f32, LampUnit)) {
+        let before = self.look.lights.lamps.iter().find(|lamp| lamp.key == key);
+        let Some(lamp) = before.map(|before| FreeLamp { shape, strength, unit, ..before.clone() }) else { return };
+        if !fits(&lamp) {
+            return self.complain("it would be stronger than a look holds");
+        }
+        self.as_one_step(|app| {
+            let lamps = app.look.lights.lamps.iter_mut();
+            lamps.filter(|before| before.key == lamp.key).for_each(|before| before.clone_from(&lamp));
+        });
     }
 
     /// Profiles of lamps were written by another program: the lamps shine by what they are now, as strong as they are set.

@@ -148,6 +148,9 @@ pub fn lamp_menu(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &
     };
     let aims = lamp.shape.is_aimed() && chosen(ui, "Aim at…", None);
     chosen(ui, "Duplicate", Some(Action::DuplicateLamp));
+    if lamp.shape != LampShape::Directional {
+        chosen(ui, "Give it a profile…", Some(Action::AskProfileFor(lamp.key.clone())));
+    }
     chosen(ui, "Delete", Some(Action::DeleteLamp));
     state.aiming |= aims;
 }
