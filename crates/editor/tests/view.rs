@@ -90,6 +90,29 @@ fn a_click_tells_who_lights_a_place_and_chooses_a_light() {
 }
 
 #[test]
+fn all_lights_that_reach_a_place_are_listed() {
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    let first = nodes.len();
+    nodes.extend((0..10).map(|idx| {
+        serde_json::json!({"name": format!("bulb {idx}"), "translation": [0.1 * f64::from(idx) - 0.5, 0.0, -0.3],
+            "extensions": {"KHR_lights_punctual": {"light": 0}}})
+    }));
+    let roots = gltf["scenes"][0]["nodes"].as_array_mut().unwrap();
+    roots.extend((first..first + 10).map(serde_json::Value::from));
+    let source = Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() };
+    let mut window = open(source);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    let at = on_screen(&window, WALL);
+    click_at(&mut window, at);
+    let bulbs = window
+        .query_all_by_label_contains("bulb ")
+        .filter(|row| row.accesskit_node().label().is_some_and(|words| words.contains('%')));
+    assert_eq!(bulbs.count(), 10);
+    assert!(window.query_by_label_contains(" more, ").is_none());
+}
+
+#[test]
 fn free_lamps_have_their_share() {
     let mut window = baked();
     click(&mut window, "Add lamp");
