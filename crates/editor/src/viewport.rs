@@ -216,6 +216,7 @@ fn handles_ui(
 ) -> bool {
     let Sight { scene, camera, film, image } = *sight;
     let picker = PanelPicker { scene, camera, film, image };
+    let pointed = lights.pointed.take();
     let mut is_free = !lamps::lamps_ui(ui, response, sight, look, lights, actions);
     if !lights.lamps.aiming && lights.lamps.drag.is_none() {
         is_free &= !names::marks_ui(ui, response, sight, look, lights, actions);
@@ -223,7 +224,7 @@ fn handles_ui(
             drag_spots(ui, response, &picker, state, look, &mut lights.spot);
         }
         names::surface_hint(ui, response, sight, look);
-        names::selected_ui(ui, response, sight, look, lights);
+        names::selected_ui(ui, response, sight, look, (lights, pointed.as_deref()));
     }
     menu_ui(response, sight, &picker, &mut state.probes, (look, lights), actions);
     picker.paint(&ui.painter_at(response.rect), look, lights.spot.as_ref());

@@ -100,6 +100,8 @@ pub struct LightsState {
     pub lamps: LampState,
     /// Key of the light that was chosen in the picture: the panel selects it and shows it.
     pub chosen: Option<String>,
+    /// Key of the light whose name is under the pointer, until the picture has shown it.
+    pub pointed: Option<String>,
     chosen_before: Option<String>,
     selection: Selection,
     /// The chosen lamp of the frame before.

@@ -105,25 +105,38 @@ fn ring(painter: &Painter, at: Pos2, color: Color32) {
     painter.circle_stroke(at, RADIUS, Stroke::new(1.4, color));
 }
 
-/// Shows where the lights of the file are that are selected in the list: a ring, weak behind something, and of a few the name.
-pub fn selected_ui(ui: &Ui, picture: &Response, sight: &Sight, look: &Look, lights: &LightsState) {
+/// Shows where the lights are that are selected in the list, and the one whose name is under the pointer there: a ring, weak behind
+/// something, and of a few the name.
+pub fn selected_ui(
+    ui: &Ui,
+    picture: &Response,
+    sight: &Sight,
+    look: &Look,
+    (lights, pointed): (&LightsState, Option<&str>),
+) {
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
+    let is_meant = |key: &str| lights.is_selected(key) || pointed == Some(key);
     let sources = sight.scene.lighting.basis.sources.iter();
-    let places: Vec<(&LightSource, Vec3)> = sources
-        .filter(|source| lights.is_selected(&source.key) && !look.lights.is_replaced(&source.key))
-        .filter_map(|source| Some((source, source.origin.position?)))
-        .collect();
-    for &(source, place) in &places {
+    let sources = sources.filter(|source| is_meant(&source.key) && !look.lights.is_replaced(&source.key));
+    let of_file = sources.filter_map(|source| {
+        let has_mark = matches!(source.kind, SourceKind::Point | SourceKind::Spot) && lights.is_selected(&source.key);
+        Some((source.key.as_str(), source.origin.position?, has_mark))
+    });
+    // Lamps that were added have their handles.
+    let added = look.lights.lamps.iter().filter(|lamp| pointed == Some(lamp.key.as_str()));
+    let added = added.map(|lamp| (lamp.key.as_str(), lamp.position, false));
+    let places: Vec<(&str, Vec3, bool)> = of_file.chain(added).collect();
+    for &(key, place, has_mark) in &places {
         let Some(at) = sight.seen_at(place).filter(|at| painter.clip_rect().contains(*at)) else { continue };
-        let (name, is_clear) = (look.name_of(&source.key), is_seen(sight, place));
+        let (name, is_clear) = (look.name_of(key), is_seen(sight, place));
         // A lamp that nothing hides has its mark already.
-        if !(is_clear && matches!(source.kind, SourceKind::Point | SourceKind::Spot)) {
+        if !(is_clear && has_mark) {
             ring(&painter, at, theme::ACCENT.gamma_multiply(if is_clear { 1.0 } else { WEAK }));
             let rect = Rect::from_center_size(at, Vec2::splat(2.0 * REACH));
-            let id = Id::unique(("selected in the picture", source.key.as_str()));
-            tell(ui.ctx(), id, (Role::Mark, &format!("{name}, selected")), rect);
+            let id = Id::unique(("selected in the picture", key));
+            tell(ui.ctx(), id, (Role::Mark, &format!("{name} is here")), rect);
         }
-        if places.len() <= MOST_NAMES {
+        if places.len() <= MOST_NAMES || pointed == Some(key) {
             name_tag(&painter, at, name);
         }
     }
