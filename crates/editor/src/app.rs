@@ -52,6 +52,7 @@ use crate::panels::dialogs::{FileDialogs, FileQuestion};
 use crate::panels::heat::HeatMap;
 use crate::panels::lights::LightsState;
 use crate::panels::looks::LooksState;
+use crate::panels::menu::note_open;
 use crate::panels::messages::{MessageTone, Messages};
 use crate::pulse::Pulse;
 use crate::session::{BakeSettings, Notice, Session, Source};
@@ -451,6 +452,7 @@ impl eframe::App for App {
     }
 
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+        note_open(ui.ctx());
         let before = self.look.clone();
         let solo_before: BTreeSet<String> = self.lights.solo.clone();
         let (lamp_before, key_before) = (self.lights.lamps.chosen.clone(), self.looks.player.chosen());

@@ -376,6 +376,21 @@ fn esc_that_closes_a_question_leaves_the_camera_in_hand() {
 }
 
 #[test]
+fn esc_that_closes_a_list_leaves_the_camera_in_hand() {
+    let mut window = baked();
+    turn_camera(&mut window);
+    click(&mut window, "Theme");
+    window.get_by_label("As the system");
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    assert!(window.query_by_label("As the system").is_none());
+    window.get_by_label("View of the camera");
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    window.get_by_label("Picture");
+}
+
+#[test]
 fn what_the_camera_did_is_undone_step_by_step_and_a_view_that_was_left_comes_back() {
     let mut window = baked();
     let first = shown_camera(&window);

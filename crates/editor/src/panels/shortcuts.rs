@@ -5,7 +5,7 @@ use eframe::egui::text_selection::LabelSelectionState;
 use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers, Ui};
 
 use super::looks::cards::{WITH_KEY, take_keys as look_keys};
-use super::menu::MENU;
+use super::menu::{MENU, was_open};
 use super::number::give_up;
 use crate::action::{Action, FileTask, Side};
 use crate::viewport::orbit::Navigation;
@@ -101,6 +101,11 @@ pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
 /// Whether keys are for what is drawn there: neither for a text nor for a question in front of it.
 pub fn hears_keys(ui: &Ui) -> bool {
     !ui.text_edit_focused() && ui.memory(|memory| memory.allows_interaction(ui.layer_id()))
+}
+
+/// Whether Escape was pressed and is for what is drawn there, and for no menu that it closes.
+pub fn escapes(ui: &Ui) -> bool {
+    hears_keys(ui) && !was_open(ui.ctx()) && ui.input(|input| input.key_pressed(Key::Escape))
 }
 
 /// Whether a question mark was typed: where it lies, and with which keys it is made, each keyboard has for itself.

@@ -11,7 +11,7 @@ use super::gizmo::surface_along;
 use super::orbit::{Flight, Navigation, Turn};
 use super::zoom::Zoom;
 use crate::action::Action;
-use crate::panels::shortcuts::hears_keys;
+use crate::panels::shortcuts::{escapes, hears_keys};
 use crate::theme;
 
 /// Share of the scene's diameter that one walks in a second.
@@ -73,7 +73,7 @@ pub fn flight_ui(ui: &mut Ui, view: &FlightView, zoom: &Zoom, flight: &mut Fligh
     if view.habits.walks {
         walk(ui, view.scene, flight);
     }
-    if hears_keys(ui) && ui.input(|input| input.key_pressed(Key::Escape)) {
+    if escapes(ui) {
         actions.push(Action::LeaveCamera);
     }
     banner_ui(ui, area, view, actions);

@@ -13,7 +13,7 @@ use crate::look::Look;
 use crate::panels::color::swatch_color;
 use crate::panels::lamps::Pick;
 use crate::panels::lights::LightsState;
-use crate::panels::shortcuts::hears_keys;
+use crate::panels::shortcuts::{escapes, hears_keys};
 use crate::session::shares::{Share, sum};
 use crate::theme;
 
@@ -179,7 +179,7 @@ pub fn follow(ui: &Ui, plates: &[Plate], probes: &mut Probes, is_free: bool) {
         probes.awaits_light = Some(Pick::of(ui.input(|input| input.modifiers)));
         ui.ctx().request_repaint();
     }
-    if plates.iter().any(|plate| plate.picture.double_clicked()) || keys(Key::Escape) {
+    if plates.iter().any(|plate| plate.picture.double_clicked()) || escapes(ui) {
         probes.picked = None;
     }
 }
