@@ -35,6 +35,7 @@ use compare::{Compared, Way};
 use gizmo::Sight;
 use handles::{Grab, PanelPicker};
 use marking::{Marking, marking_ui};
+use orbit::Navigation;
 use probe::{Grid, Plate, Probes, Readings};
 use zoom::Zoom;
 
@@ -52,6 +53,8 @@ pub struct Viewed<'a> {
     pub scene: Option<(&'a PreparedScene, &'a Camera)>,
     /// Side of a comparison on which they can, 0 without one.
     pub handled: usize,
+    /// Whose gestures move it.
+    pub navigation: Navigation,
     /// What its colors mean, where they are false.
     pub legend: Option<Legend>,
     /// Lines of equal illuminance in it.
@@ -112,7 +115,7 @@ pub fn viewport_ui(
     let responses: Vec<Response> = areas.iter().zip(NAMES).map(|(area, name)| picture_of(ui, *area, name)).collect();
     put_back(ui, &mut state.grab, look);
     for response in &responses {
-        zoom::navigate(ui, response, (&mut state.zoom, &mut state.grab), size);
+        zoom::navigate(ui, response, (&mut state.zoom, &mut state.grab), size, viewed.navigation);
     }
     let images: Vec<Rect> = areas.iter().map(|area| state.zoom.image_rect(*area, size)).collect();
     let (response, area, image) = (&responses[0], areas[0], images[0]);

@@ -239,6 +239,7 @@ impl App {
             is_glimpse: self.session.is_glimpse(),
             scene: scene.zip(shown_camera).filter(|_| handled.is_some()),
             handled: handled.unwrap_or_default(),
+            navigation: self.camera.habits.navigation,
             legend: self.follower.legend().filter(|_| shows_now),
             isolines: self.isolux.lines(),
             compared,

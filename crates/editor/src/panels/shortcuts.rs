@@ -181,7 +181,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
             format!("{}, {}, {}", keys(&ZOOM_IN), keys(&ZOOM_OUT), keys(&ZOOM_RESET)),
             "Everything in the window larger, smaller, as large as at first",
         ),
-        (words("Wheel, pinch"), "Zoom at the pointer"),
+        (words("Wheel, pinch"), "Zoom at the pointer; by Trackpad two fingers move the picture"),
         (words("Z + drag"), "Zoom to a rectangle"),
         (words("Middle drag, Space + drag"), "Move the picture"),
         (words("Click in the picture"), "Show which lights are there"),
