@@ -79,7 +79,9 @@ pub enum Action {
         /// See [`Action::AddLamp`].
         at_px: Option<[f32; 2]>,
     },
-    /// Add a lamp with a measured distribution.
+    /// Ask for the profile of a lamp that is there.
+    AskProfileFor(String),
+    /// Add a lamp with a measured distribution, or give it to the lamp that it was asked for.
     AddProfile(PathBuf),
     /// Put a free lamp in the place of a lamp of the file.
     MakeMovable(String),
@@ -92,8 +94,10 @@ pub enum Action {
     },
     /// Put the lamp back into the file that is being pulled out of it.
     PutBack(Box<Pulled>),
-    /// Add a copy of the chosen lamp.
+    /// Add copies of the chosen lamps.
     DuplicateLamp,
+    /// Add a free copy of a lamp of the file, which stays as it is.
+    CopyLamp(String),
     /// Take the chosen lamp away.
     DeleteLamp,
     /// Bakes again, with how lamps that are moved light the room by way of its surfaces.

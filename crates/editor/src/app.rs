@@ -52,6 +52,7 @@ use crate::panels::dialogs::{FileDialogs, FileQuestion};
 use crate::panels::heat::HeatMap;
 use crate::panels::lights::LightsState;
 use crate::panels::looks::LooksState;
+use crate::panels::menu::note_open;
 use crate::panels::messages::{MessageTone, Messages};
 use crate::pulse::Pulse;
 use crate::session::{BakeSettings, Notice, Session, Source};
@@ -131,6 +132,8 @@ pub struct App {
     after_saving: Option<Action>,
     /// Where the lamp goes whose profile is being asked for.
     profile_at_px: Option<[f32; 2]>,
+    /// The lamp that is there for which one is being asked.
+    profile_for: Option<String>,
     shortcuts: bool,
     /// Only the picture is shown between the bars.
     is_bare: bool,
@@ -220,6 +223,7 @@ impl App {
             may_lose_look: false,
             after_saving: None,
             profile_at_px: None,
+            profile_for: None,
             shortcuts: false,
             is_bare: false,
             sides: left(cc, PANELS_KEY),
@@ -351,11 +355,13 @@ impl App {
             Action::UseSky(path) => self.use_sky(&path),
             Action::AddLamp { shape, at_px } => self.add_lamp(shape, at_px),
             Action::AskProfile { at_px } => self.ask_profile(at_px),
+            Action::AskProfileFor(key) => self.ask_profile_for(key),
             Action::AddProfile(path) => self.add_profile(path),
             Action::MakeMovable(key) => self.make_movable(&key),
             Action::PullLamp { key, at } => self.pull_lamp(&key, at),
             Action::PutBack(pulled) => self.put_back(*pulled),
             Action::DuplicateLamp => self.duplicate_lamps(),
+            Action::CopyLamp(key) => self.add_copies(&[], &[key]),
             Action::DeleteLamp => self.delete_lamps(),
             Action::DeleteChosen => self.delete_chosen(),
             Action::AimLamp => self.aim_lamp(),
@@ -446,6 +452,7 @@ impl eframe::App for App {
     }
 
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+        note_open(ui.ctx());
         let before = self.look.clone();
         let solo_before: BTreeSet<String> = self.lights.solo.clone();
         let (lamp_before, key_before) = (self.lights.lamps.chosen.clone(), self.looks.player.chosen());

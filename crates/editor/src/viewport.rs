@@ -16,7 +16,7 @@ pub mod zoom;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::{
-    self, Color32, CursorIcon, PointerButton, Rect, Response, RichText, Sense, TextureId, Ui, pos2, vec2,
+    self, Color32, CursorIcon, Key, PointerButton, Pos2, Rect, Response, RichText, Sense, TextureId, Ui, pos2, vec2,
 };
 
 use crate::action::{Action, FileTask};
@@ -25,7 +25,9 @@ use crate::legend::{Corner, Legend};
 use crate::look::Look;
 use crate::panels::arrows::{FINE, arrows};
 use crate::panels::heat::Overlay;
+use crate::panels::lamps::add_menu;
 use crate::panels::lights::LightsState;
+use crate::panels::menu::{context_menu, is_asked};
 use crate::panels::spots::key_step;
 use crate::session::{BakeState, Stage};
 use crate::theme;
@@ -33,6 +35,7 @@ use compare::{Compared, Way};
 use gizmo::Sight;
 use handles::{Grab, PanelPicker};
 use marking::{Marking, marking_ui};
+use orbit::Navigation;
 use probe::{Grid, Plate, Probes, Readings};
 use zoom::Zoom;
 
@@ -50,6 +53,8 @@ pub struct Viewed<'a> {
     pub scene: Option<(&'a PreparedScene, &'a Camera)>,
     /// Side of a comparison on which they can, 0 without one.
     pub handled: usize,
+    /// Whose gestures move it.
+    pub navigation: Navigation,
     /// What its colors mean, where they are false, and those of what is seen on the right of a comparison.
     pub legends: [Option<Legend>; 2],
     /// Lines of equal illuminance in it.
@@ -108,8 +113,9 @@ pub fn viewport_ui(
     let size = vec2(width as f32, height as f32);
     state.zoom.heed_size(size, ui.pixels_per_point());
     let responses: Vec<Response> = areas.iter().zip(NAMES).map(|(area, name)| picture_of(ui, *area, name)).collect();
+    put_back(ui, &mut state.grab, look);
     for response in &responses {
-        zoom::navigate(ui, response, (&mut state.zoom, &mut state.grab), size);
+        zoom::navigate(ui, response, (&mut state.zoom, &mut state.grab), size, viewed.navigation);
     }
     let images: Vec<Rect> = areas.iter().map(|area| state.zoom.image_rect(*area, size)).collect();
     let (response, area, image) = (&responses[0], areas[0], images[0]);
@@ -201,7 +207,12 @@ fn touch_ui(
                 let seen = response.clone().with_new_rect(part);
                 is_free &= handles_ui(ui, &seen, &sight, state, (look, lights), actions);
             }
-            None => grab_picture(response, state),
+            None => {
+                grab_picture(response, state);
+                let grid = Grid { image: images[nth], size: [film.width, film.height] };
+                let px = asked_at(response, lights).and_then(|at| grid.pixel(at));
+                context_menu(response, |ui| view_menu(ui, px, &mut state.probes, actions));
+            }
         }
     }
     is_free
@@ -219,16 +230,71 @@ fn handles_ui(
 ) -> bool {
     let Sight { scene, camera, film, image } = *sight;
     let picker = PanelPicker { scene, camera, film, image };
-    let mut is_free = !lamps::lamps_ui(ui, response, sight, look, &mut lights.lamps, actions);
+    let pointed = lights.pointed.take();
+    let mut is_free = !lamps::lamps_ui(ui, response, sight, look, lights, actions);
     if !lights.lamps.aiming && lights.lamps.drag.is_none() {
         is_free &= !names::marks_ui(ui, response, sight, look, lights, actions);
         if lights.lamps.pulled_at.is_none() {
             drag_spots(ui, response, &picker, state, look, &mut lights.spot);
         }
         names::surface_hint(ui, response, sight, look);
+        names::selected_ui(ui, response, sight, look, (lights, pointed.as_deref()));
     }
+    menu_ui(response, sight, &picker, &mut state.probes, (look, lights), actions);
     picker.paint(&ui.painter_at(response.rect), look, lights.spot.as_ref());
     is_free
+}
+
+/// The menu of a picture with handles: what can be added where it was asked for, the spot that is there, and what each picture has.
+fn menu_ui(
+    picture: &Response,
+    sight: &Sight,
+    picker: &PanelPicker,
+    probes: &mut Probes,
+    (look, lights): (&mut Look, &mut LightsState),
+    actions: &mut Vec<Action>,
+) {
+    let at = asked_at(picture, lights);
+    let grid = Grid { image: sight.image, size: [sight.film.width, sight.film.height] };
+    context_menu(picture, |ui| {
+        let px = at.map(|at| lamps::film_px(sight, at));
+        ui.menu_button("Add lamp here", |ui| add_menu(ui, px, actions));
+        if let Some(at) = at {
+            picker.menu_ui(ui, at, look, &mut lights.spot);
+        }
+        ui.separator();
+        view_menu(ui, at.and_then(|at| grid.pixel(at)), probes, actions);
+    });
+}
+
+/// Where the menu of a picture was asked for; by the keyboard nowhere, it is about the middle of the view then.
+fn asked_at(picture: &Response, lights: &mut LightsState) -> Option<Pos2> {
+    if picture.secondary_clicked() {
+        lights.lamps.menu_at = picture.interact_pointer_pos();
+    } else if is_asked(picture) {
+        lights.lamps.menu_at = None;
+    }
+    lights.lamps.menu_at
+}
+
+/// What the menu of each picture has: a probe at a pixel, and how the picture is looked at.
+fn view_menu(ui: &mut Ui, px: Option<[u32; 2]>, probes: &mut Probes, actions: &mut Vec<Action>) {
+    if let Some(px) = px
+        && ui.button("Pin a probe here").on_hover_text("P at the pointer").clicked()
+    {
+        probes.pin(px);
+        ui.close();
+    }
+    let ways = [
+        ("Show the whole picture", "F, or a double-click", Action::FitPicture),
+        ("Show it pixel by pixel", "1", Action::OneToOne),
+    ];
+    for (words, keys, action) in ways {
+        if ui.button(words).on_hover_text(keys).clicked() {
+            actions.push(action);
+            ui.close();
+        }
+    }
 }
 
 /// Where there are no handles, a press takes the picture, and a double-click shows all of it.
@@ -266,13 +332,14 @@ fn drag_spots(
 ) {
     if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
         let press = ui.input(|input| input.pointer.press_origin()).filter(|at| response.rect.contains(*at));
-        state.grab = Some(press.and_then(|at| picker.grab(at, look)).unwrap_or(Grab::Picture));
+        state.grab = Some(press.and_then(|at| picker.grab(at, look)).map_or(Grab::Picture, Grab::Spot));
     }
-    if let Some(Grab::Spot { panel, idx }) = &state.grab {
+    if let Some(Grab::Spot(held)) = &mut state.grab {
         if let Some(at) = response.interact_pointer_pos() {
-            picker.drag(panel, *idx, at, look);
+            let speed = if ui.input(|input| input.modifiers.shift) { FINE } else { 1.0 };
+            picker.drag(held, at, speed, look);
         }
-        *chosen = Some((panel.clone(), *idx));
+        *chosen = Some((held.panel.clone(), held.idx));
         response.request_focus();
         ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
     }
@@ -289,6 +356,15 @@ fn drag_spots(
     if let Some(hint) = hovered.and_then(|at| picker.hint(at, look)) {
         ui.ctx().set_cursor_icon(CursorIcon::Grab);
         lamps::hint(ui, response.rect, &hint);
+    }
+}
+
+/// Esc puts a spot that is dragged back; before anything else, as the toolkit ends the drag by that key.
+fn put_back(ui: &Ui, grab: &mut Option<Grab>, look: &mut Look) {
+    if ui.input(|input| input.key_pressed(Key::Escape))
+        && let Some(Grab::Spot(held)) = grab.take_if(|grab| matches!(grab, Grab::Spot(_)))
+    {
+        held.put_back(look);
     }
 }
 

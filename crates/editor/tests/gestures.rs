@@ -132,6 +132,23 @@ fn the_picture_is_moved_by_the_middle_button_or_with_space_and_no_light_with_it(
     assert_eq!(*window.state().look(), look);
 }
 
+#[test]
+fn on_a_trackpad_two_fingers_move_the_picture_once_it_is_larger_than_its_place() {
+    let mut window = with_mark();
+    navigate_as(&mut window, "Trackpad");
+    let at = window.get_by_label("Picture").rect().center() - vec2(120.0, 60.0);
+    point_at(&mut window, at);
+    let whole = mark(&window);
+    scroll(&mut window, at, vec2(-30.0, 20.0), Modifiers::NONE);
+    assert_at(mark(&window), whole, "all of it is seen");
+    pinch(&mut window, at, 1.5);
+    let before = mark(&window);
+    assert_at(before, at + (whole - at) * 1.5, "fingers that part");
+    scroll(&mut window, at, vec2(-30.0, 20.0), Modifiers::NONE);
+    let way = mark(&window) - before;
+    assert!(way.x < -10.0 && way.y > 6.0, "it goes along: {way}");
+}
+
 /// Film of the room's bake.
 const FILM: Film = Film { width: 64, height: 48 };
 /// What is in the middle of the view of the room, and how far away.

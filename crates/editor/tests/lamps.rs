@@ -219,6 +219,32 @@ fn keys_are_for_the_lamp_of_the_file_that_was_clicked_last() {
     window.key_press(Key::Delete);
     window.run_steps(3);
     assert_eq!(lamps(&window).len(), 1, "nothing that is chosen can be deleted");
+    let why = "lamp is a light of the file, which cannot be deleted; mute it instead";
+    assert!(window.query_all_by_label(why).next().is_some());
+}
+
+#[test]
+fn a_lamp_of_the_file_is_copied_by_key_and_menu_and_stays_as_it_is() {
+    let mut window = baked();
+    let at = on_screen(&window, Vec3::new(0.3, 0.6, -0.2));
+    click_at(&mut window, at, Modifiers::NONE);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::D);
+    window.run_steps(3);
+    ask_for_menu(&mut window, at);
+    click(&mut window, "Duplicate");
+    let copies = lamps(&window);
+    let keys: Vec<&str> = copies.iter().map(|lamp| lamp.key.as_str()).collect();
+    assert_eq!(keys, ["lamp 1", "lamp 2"]);
+    let look = window.state().look();
+    assert!(!look.lights.is_replaced("lamp") && !look.lights.setting("lamp").muted, "it shines as before");
+    for copy in &copies {
+        assert_eq!((copy.strength, copy.unit, copy.replaces.as_deref()), (3.0, LampUnit::Candela, None));
+        assert!(copy.position.distance(Vec3::new(0.3, 0.6, -0.2)) > 0.01, "{}", copy.position);
+    }
+    for n_left in [1, 0] {
+        click(&mut window, "Undo");
+        assert_eq!(lamps(&window).len(), n_left);
+    }
 }
 
 #[test]
@@ -576,6 +602,29 @@ fn a_profile_from_the_menu_becomes_a_lamp() {
 }
 
 #[test]
+fn a_lamp_that_hangs_gets_a_profile_by_its_menu() {
+    let folder = tempfile::tempdir().unwrap();
+    let ies = profile(folder.path());
+    let mut window = with_lamp("Point");
+    let before = lamps(&window);
+    let at = middle(&window, "Move Point lamp 1 over surfaces");
+    ask_for_menu(&mut window, at);
+    ask_for(&mut window, "Give it a profile…", &ies);
+    click(&mut window, "Open");
+    let [lamp] = &lamps(&window)[..] else { panic!("{:?}", lamps(&window)) };
+    assert_eq!(lamp.shape, LampShape::Profile { file: ies.display().to_string() });
+    assert_eq!((lamp.strength, lamp.unit), (100.0, LampUnit::Candela));
+    assert_eq!((&lamp.key, lamp.position), (&before[0].key, before[0].position));
+    click(&mut window, "Undo");
+    assert_eq!(lamps(&window), before, "one step");
+
+    // The next one that is dropped is a lamp of its own.
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(ies)));
+    window.run_steps(3);
+    assert_eq!(lamps(&window).len(), 2);
+}
+
+#[test]
 fn a_profile_that_is_dropped_on_the_window_becomes_a_lamp() {
     let folder = tempfile::tempdir().unwrap();
     let ies = profile(folder.path());
@@ -657,6 +706,23 @@ fn a_lamp_of_the_file_has_a_menu_where_it_hangs() {
     assert_eq!(lamps(&window).len(), 1);
     click(&mut window, "Undo");
     assert_eq!(*window.state().look(), Look::default());
+}
+
+#[test]
+fn lamps_are_muted_and_soloed_where_they_hang() {
+    let mut window = with_lamp("Point");
+    let is_muted = |window: &Window, key: &str| window.state().look().lights.own_setting(key).muted;
+    let added = middle(&window, "Move Point lamp 1 over surfaces");
+    for (key, at) in [("Point lamp 1", added), ("lamp", on_screen(&window, Vec3::new(0.3, 0.6, -0.2)))] {
+        for (words, muted) in [("Mute", true), ("Unmute", false)] {
+            ask_for_menu(&mut window, at);
+            click(&mut window, words);
+            assert_eq!(is_muted(&window, key), muted, "{key}");
+        }
+        ask_for_menu(&mut window, at);
+        click(&mut window, "Solo this alone");
+        window.get_by_label(&format!("Solo: {key}"));
+    }
 }
 
 #[test]
@@ -757,19 +823,87 @@ fn a_profile_that_another_program_wrote_is_read_again_where_the_lamp_hangs() {
     assert!(window.query_by_label_contains("has changed on disk").is_none());
 }
 
+/// Clicks the names of two lamps in the list, the second with Ctrl.
+fn select(window: &mut Window, names: [&str; 2]) {
+    for (name, modifiers) in names.into_iter().zip([Modifiers::NONE, Modifiers::COMMAND]) {
+        let mute = window.get_by_label(&format!("Mute {name}")).rect();
+        window.event(Event::ModifiersChanged(modifiers));
+        click_at(window, mute.right_center() + vec2(20.0, 0.0), modifiers);
+        window.event(Event::ModifiersChanged(Modifiers::NONE));
+        window.run_steps(3);
+    }
+}
+
+/// The room with two lamps of a kind, both selected.
+fn with_two_lamps(kind: &str, names: [&str; 2]) -> Window {
+    let mut window = with_lamp(kind);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::D);
+    window.run_steps(3);
+    select(&mut window, names);
+    window
+}
+
+#[test]
+fn all_lamps_that_are_selected_move_together_and_go_back_together() {
+    let mut window = with_two_lamps("Point", ["Point lamp 1", "Point lamp 2"]);
+    let before = lamps(&window);
+    let ways = |window: &Window| -> Vec<Vec3> {
+        lamps(window).iter().zip(&before).map(|(now, was)| now.position - was.position).collect()
+    };
+    let alike = |ways: &[Vec3]| ways[0].distance(ways[1]) < 1e-5 && ways[0].length() > 0.02;
+    pull(&mut window, "Move Point lamp 2 along X", vec2(60.0, 25.0));
+    assert!(alike(&ways(&window)), "{:?}", ways(&window));
+    click(&mut window, "Undo");
+    assert_eq!(lamps(&window), before, "one drag is one step");
+
+    // One that has no handles yet takes the others along as well, and all stay selected.
+    pull(&mut window, "Point lamp 1 in the picture", vec2(-50.0, 30.0));
+    assert!(alike(&ways(&window)), "{:?}", ways(&window));
+    assert_eq!(window.query_all_by_label_contains("2 lights selected").count(), 1);
+    click(&mut window, "Undo");
+    let from = middle(&window, "Move Point lamp 1 along Y");
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    window.run_steps(2);
+    for step in 1..4 {
+        window.hover_at(from + vec2(0.0, -20.0 * step as f32));
+        window.run_steps(2);
+    }
+    assert!(alike(&ways(&window)), "{:?}", ways(&window));
+    window.key_press(Key::Escape);
+    window.run_steps(2);
+    assert_eq!(lamps(&window), before);
+    window.drop_at(from);
+    window.run_steps(3);
+    assert_eq!(lamps(&window), before);
+}
+
+#[test]
+fn all_lamps_that_are_selected_are_aimed_together() {
+    let mut window = with_two_lamps("Spot", ["Spot lamp 1", "Spot lamp 2"]);
+    let (before, side) = (lamps(&window), Vec3::new(-1.0, -0.2, -0.8));
+    window.key_press(Key::A);
+    window.run_steps(3);
+    let at = on_screen(&window, side);
+    window.hover_at(at);
+    window.run_steps(3);
+    window.get_by_label("Click what Spot lamp 2 and 1 more are to light, Esc to leave it");
+    click_at(&mut window, at, Modifiers::NONE);
+    for lamp in lamps(&window) {
+        assert!(lamp.aim.distance(side) < 0.03, "{} at {}", lamp.key, lamp.aim);
+    }
+    click(&mut window, "Undo");
+    assert_eq!(lamps(&window), before, "it is one step");
+}
+
 #[test]
 fn all_lamps_that_are_selected_are_copied_and_deleted_together() {
     let mut window = with_lamp("Point");
     window.key_press_modifiers(Modifiers::COMMAND, Key::D);
     window.run_steps(3);
     assert_eq!(lamps(&window).len(), 2);
-    for (name, modifiers) in [("Point lamp 1", Modifiers::NONE), ("Point lamp 2", Modifiers::COMMAND)] {
-        let mute = window.get_by_label(&format!("Mute {name}")).rect();
-        window.event(Event::ModifiersChanged(modifiers));
-        click_at(&mut window, mute.right_center() + vec2(20.0, 0.0), modifiers);
-        window.event(Event::ModifiersChanged(Modifiers::NONE));
-        window.run_steps(3);
-    }
+    select(&mut window, ["Point lamp 1", "Point lamp 2"]);
     window.key_press_modifiers(Modifiers::COMMAND, Key::D);
     window.run_steps(3);
     assert_eq!(lamps(&window).len(), 4, "both have a copy");

@@ -488,6 +488,36 @@ fn a_click_in_the_picture_adds_to_what_is_selected_with_shift_or_ctrl_and_else_s
     assert_eq!(window.query_all_by_label_contains(" lights selected").count(), 0);
 }
 
+#[test]
+fn lights_that_are_selected_in_the_list_are_shown_where_they_are() {
+    let mut window = lit();
+    let shown = |window: &Window| -> Vec<&'static str> {
+        let labels = ["left in the picture", "middle in the picture", "right in the picture", "panel is here"];
+        labels.into_iter().filter(|label| window.query_by_label(label).is_some()).collect()
+    };
+    assert!(shown(&window).is_empty());
+    select(&mut window, &["left", "right", "panel"]);
+    assert_eq!(shown(&window), ["left in the picture", "right in the picture", "panel is here"]);
+    click(&mut window, "Select nothing");
+    assert!(shown(&window).is_empty());
+
+    // A name that is pointed at is enough.
+    for (of, words) in [("panel", "panel is here"), ("left", "left is here")] {
+        let at = name(&window, of);
+        window.hover_at(at);
+        window.run_steps(3);
+        window.get_by_label(words);
+    }
+    window.hover_at(pos2(5.0, 400.0));
+    window.run_steps(3);
+    assert!(shown(&window).is_empty() && window.query_by_label("left is here").is_none());
+
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.run_steps(3);
+    window.get_by_label("5 lights selected");
+    assert_eq!(shown(&window).len(), 4);
+}
+
 /// Where the handle of a fader is that stands at the file's value.
 fn handle(window: &Window, label: &str) -> Pos2 {
     let fader = window.get_by_label(label).rect();

@@ -7,10 +7,10 @@ mod desk;
 use clerestory::look::Look;
 use clerestory::session::{BakeState, Source};
 use clerestory_transport::sky::{SkySetting, SunPlace};
-use eframe::egui::{Event, Vec2, vec2};
+use eframe::egui::{Event, Vec2, pos2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Kept, Window, click, drag, open, open_again, wait};
+use desk::{Dropped, Kept, Window, click, drag, open, open_again, type_over, wait};
 
 /// The room without ceiling, front and back, so that the sky is seen and lights it.
 fn court() -> Source {
@@ -163,6 +163,31 @@ fn a_scene_without_a_sky_gets_one_by_a_button_and_the_sun_keeps_its_column() {
     assert!(window.query_by_label_contains("no column of its own").is_none());
     click(&mut window, "Undo");
     assert_eq!(*window.state().look(), Look::default(), "the sky of the look is one step");
+}
+
+#[test]
+fn a_sky_that_was_turned_is_marked_in_the_list_and_reset_there() {
+    let mut window = under_the_sky();
+    choose(&mut window, "Kind of sky", "As baked");
+    assert!(window.query_by_label("Differs from the file").is_none());
+    type_over(&mut window, "Turn of the sky", "30");
+    settle(&mut window);
+    assert_ne!(sky(&window), SkySetting::default());
+    window.get_by_label("Differs from the file");
+
+    window.get_by_label("Mute sky").scroll_to_me();
+    window.run_steps(8);
+    let mute = window.get_by_label("Mute sky").rect();
+    let name = pos2(mute.right() + 20.0, mute.center().y);
+    window.hover_at(name);
+    window.run_steps(2);
+    window.drag_at(name);
+    window.run_steps(2);
+    window.drop_at(name);
+    window.run_steps(3);
+    click(&mut window, "Reset selected lights");
+    assert_eq!(window.state().look().lights.sky, None, "it is as baked");
+    assert!(window.query_by_label("Differs from the file").is_none());
 }
 
 #[test]

@@ -13,7 +13,7 @@ use clerestory_transport::archive;
 use clerestory_transport::camera::{Camera, Film, Pose};
 use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::{LightRig, LightSetting};
-use eframe::egui::{Key, Pos2, Role, vec2};
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, ViewportEvent, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -90,6 +90,29 @@ fn a_click_tells_who_lights_a_place_and_chooses_a_light() {
 }
 
 #[test]
+fn all_lights_that_reach_a_place_are_listed() {
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    let first = nodes.len();
+    nodes.extend((0..10).map(|idx| {
+        serde_json::json!({"name": format!("bulb {idx}"), "translation": [0.1 * f64::from(idx) - 0.5, 0.0, -0.3],
+            "extensions": {"KHR_lights_punctual": {"light": 0}}})
+    }));
+    let roots = gltf["scenes"][0]["nodes"].as_array_mut().unwrap();
+    roots.extend((first..first + 10).map(serde_json::Value::from));
+    let source = Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() };
+    let mut window = open(source);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    let at = on_screen(&window, WALL);
+    click_at(&mut window, at);
+    let bulbs = window
+        .query_all_by_label_contains("bulb ")
+        .filter(|row| row.accesskit_node().label().is_some_and(|words| words.contains('%')));
+    assert_eq!(bulbs.count(), 10);
+    assert!(window.query_by_label_contains(" more, ").is_none());
+}
+
+#[test]
 fn free_lamps_have_their_share() {
     let mut window = baked();
     click(&mut window, "Add lamp");
@@ -160,6 +183,34 @@ fn a_region_is_zoomed_to_and_the_whole_picture_comes_back() {
     window.run_steps(4);
     assert!(window.query_by_label_contains("cd/m²").is_none());
     assert_eq!(under(&mut window, area.center() + vec2(-31.5, -23.5)), "0, 0");
+}
+
+#[test]
+fn the_menu_of_the_picture_pins_a_probe_and_shows_each_pixel_or_all_of_them() {
+    let mut window = baked();
+    let from_menu = |window: &mut Window, pos: Pos2, item: &str| {
+        window.hover_at(pos);
+        window.run_steps(2);
+        for pressed in [true, false] {
+            let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+            window.event(Event::PointerButton { pos, button, pressed, modifiers });
+            window.run_steps(1);
+        }
+        window.run_steps(3);
+        click(window, item);
+        window.run_steps(2);
+    };
+    let pin = |window: &Window| window.get_by_label_contains("Probe 1, ").rect().center();
+    let (at, middle) = (on_screen(&window, WALL), window.get_by_label("Picture").rect().center());
+    from_menu(&mut window, at, "Pin a probe here");
+    let pinned = pin(&window);
+    assert!(pinned.distance(at) < 10.0, "{pinned} for {at}");
+    // One to one the 64 × 48 pixels are a stamp in the middle.
+    let beside = at + vec2(60.0, 0.0);
+    from_menu(&mut window, beside, "Show it pixel by pixel");
+    assert!(pin(&window).distance(middle) < 40.0, "{}", pin(&window));
+    from_menu(&mut window, beside, "Show the whole picture");
+    assert_eq!(pin(&window), pinned);
 }
 
 /// The camera of the picture that is shown.
@@ -293,6 +344,50 @@ fn the_camera_goes_back_to_the_baked_view() {
     window.run_steps(3);
     window.get_by_label("Picture");
     assert_eq!(window.state().camera(), Some(&first));
+}
+
+#[test]
+fn a_solo_says_so_while_the_camera_is_in_hand_too() {
+    let mut window = baked();
+    click(&mut window, "Solo lamp");
+    turn_camera(&mut window);
+    let [banner, bake] = ["Solo: lamp", "Bake this view"].map(|label| window.get_by_label(label).rect());
+    assert!(banner.top() > bake.bottom(), "{banner} below {bake}");
+    click(&mut window, "Clear solo");
+    assert!(window.query_by_label("Solo: lamp").is_none());
+}
+
+#[test]
+fn esc_that_closes_a_question_leaves_the_camera_in_hand() {
+    let mut window = baked();
+    click(&mut window, "Mute panel");
+    turn_camera(&mut window);
+    let turned = window.state().camera().unwrap().clone();
+    let input = window.input_mut();
+    let id = input.viewport_id;
+    input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
+    window.run_steps(3);
+    window.get_by_label("Save the look?");
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    assert!(window.query_by_label("Save the look?").is_none());
+    window.get_by_label("View of the camera");
+    assert_eq!(window.state().camera(), Some(&turned));
+}
+
+#[test]
+fn esc_that_closes_a_list_leaves_the_camera_in_hand() {
+    let mut window = baked();
+    turn_camera(&mut window);
+    click(&mut window, "Theme");
+    window.get_by_label("As the system");
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    assert!(window.query_by_label("As the system").is_none());
+    window.get_by_label("View of the camera");
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    window.get_by_label("Picture");
 }
 
 #[test]

@@ -14,7 +14,9 @@ use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::archive::{self, part_state};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use eframe::egui::{Key, Memory, Modifiers, Role, ThemePreference, ViewportEvent, pos2, vec2};
+use eframe::egui::{
+    Event, Key, Memory, Modifiers, PointerButton, Pos2, Role, ThemePreference, ViewportEvent, pos2, vec2,
+};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -417,6 +419,99 @@ fn spots_that_the_file_marks_are_told_and_taken_hold_of() {
 }
 
 #[test]
+fn a_spot_that_is_dragged_goes_finely_with_shift_and_back_with_escape() {
+    let mut window = baked();
+    let panel = |x: f32, z: f32| Vec3::new(x, 0.4, z);
+    let (from, to) = (on_screen(&window, panel(-0.2, -0.7)), on_screen(&window, panel(0.2, -0.3)));
+    drag(&mut window, from, to);
+    let placed = window.state().look().clone();
+    let u = |window: &Window| window.state().look().lights.panels["panel"][0].position[0];
+    let begin = |window: &mut Window| {
+        window.hover_at(to);
+        window.run_steps(2);
+        window.drag_at(to);
+        window.run_steps(2);
+        for step in 1..=5 {
+            window.hover_at(to + (from - to) * (step as f32 / 5.0));
+            window.run_steps(2);
+        }
+    };
+    begin(&mut window);
+    assert!((u(&window) - 0.25).abs() < 0.02, "{}", u(&window));
+    window.key_press(Key::Escape);
+    window.run_steps(2);
+    assert_eq!(*window.state().look(), placed);
+    window.hover_at(from + (to - from) * 0.5);
+    window.run_steps(2);
+    window.drop_at(from);
+    window.run_steps(3);
+    assert_eq!(*window.state().look(), placed, "a drag that was put back is over");
+
+    window.event(Event::ModifiersChanged(Modifiers::SHIFT));
+    begin(&mut window);
+    window.drop_at(from);
+    window.event(Event::ModifiersChanged(Modifiers::NONE));
+    window.run_steps(3);
+    let way = 0.75 - u(&window);
+    assert!((0.01..0.15).contains(&way), "about a tenth of the way: {way}");
+}
+
+#[test]
+fn spots_are_added_and_deleted_by_the_menu_of_the_picture() {
+    let mut window = baked();
+    let panel = |x: f32, z: f32| Vec3::new(x, 0.4, z);
+    let (first, second) = (on_screen(&window, panel(-0.2, -0.7)), on_screen(&window, panel(0.2, -0.3)));
+    let ask = |window: &mut Window, pos: Pos2| {
+        window.hover_at(pos);
+        window.run_steps(2);
+        for pressed in [true, false] {
+            let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+            window.event(Event::PointerButton { pos, button, pressed, modifiers });
+            window.run_steps(1);
+        }
+        window.run_steps(3);
+    };
+    for at in [first, second] {
+        ask(&mut window, at);
+        assert!(window.query_by_label("Delete this spot").is_none(), "there is none yet");
+        click(&mut window, "Add a spot here");
+    }
+    let spots = |window: &Window| window.state().look().lights.panels["panel"].clone();
+    assert_eq!(spots(&window).len(), 2);
+    ask(&mut window, first);
+    click(&mut window, "Delete this spot");
+    assert!(spots(&window).len() == 1 && spots(&window)[0].position[0] > 0.5, "{:?}", spots(&window));
+}
+
+#[test]
+fn a_spot_that_something_hides_has_no_handle() {
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    let panel = nodes.iter_mut().find(|node| node["name"] == "panel").unwrap();
+    panel["extras"]["clerestory"]["spots"] =
+        serde_json::json!([{"position": [0.25, 0.25], "radius": 0.2}, {"position": [0.5, 0.75], "radius": 0.1}]);
+    let of_panel = panel["mesh"].as_u64().unwrap() as usize;
+    // A board below the back half of the panel.
+    let mut board = gltf["meshes"][of_panel].clone();
+    board["primitives"][0]["material"] = 0.into();
+    let meshes = gltf["meshes"].as_array_mut().unwrap();
+    meshes.push(board);
+    let mesh = meshes.len() - 1;
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    nodes.push(serde_json::json!(
+        {"name": "board", "mesh": mesh, "scale": [0.6, 0.2, 0.6], "translation": [0, 0.05, -0.5]}));
+    let node = nodes.len() - 1;
+    gltf["scenes"][0]["nodes"].as_array_mut().unwrap().push(node.into());
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    window.get_by_label("panel, spot 2 at 50 %, 75 %");
+    assert!(window.query_by_label("panel, spot 1 at 25 %, 25 %").is_none());
+    let hidden = on_screen(&window, Vec3::new(-0.2, 0.4, -0.7));
+    drag(&mut window, hidden, hidden + vec2(40.0, 10.0));
+    assert_eq!(*window.state().look(), Look::default(), "nor is it taken hold of");
+}
+
+#[test]
 fn exposure_and_tone_are_part_of_the_look() {
     let mut window = baked();
     let suits = window.state().shown_ev();
@@ -765,6 +860,16 @@ fn a_file_that_is_no_scene_is_told_in_words_and_another_can_be_opened() {
 }
 
 #[test]
+fn a_look_that_is_named_at_the_start_is_told_for_what_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("evening.look");
+    Look::default().save(&path).unwrap();
+    let mut window = open(Source::File(path));
+    wait(&mut window, |app| matches!(app.session().stage, Stage::Failed(..)));
+    assert!(window.query_all_by_label_contains("it is a look, which lights a scene").next().is_some());
+}
+
+#[test]
 fn the_keys_are_listed() {
     let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: room() });
     window.run_steps(2);
@@ -1057,6 +1162,13 @@ fn work_that_may_be_lost_is_unsaved_still_where_what_was_to_replace_it_cannot_be
 fn keys_are_for_the_question_that_waits() {
     let mut window = baked();
     click(&mut window, "Mute lamp");
+    let name = window.get_by_label("Mute lamp").rect().right_center() + vec2(20.0, 0.0);
+    window.hover_at(name);
+    window.run_steps(2);
+    window.drag_at(name);
+    window.run_steps(2);
+    window.drop_at(name);
+    window.run_steps(3);
     let look = window.state().look().clone();
     let input = window.input_mut();
     let id = input.viewport_id;
@@ -1066,7 +1178,14 @@ fn keys_are_for_the_question_that_waits() {
     window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
     window.run_steps(3);
     assert_eq!(*window.state().look(), look, "nothing is undone behind it");
+    window.key_press(Key::CloseBracket);
+    window.run_steps(3);
+    assert_eq!(*window.state().look(), look, "nor is the selected light made brighter");
     click(&mut window, "Cancel");
+    window.key_press(Key::CloseBracket);
+    window.run_steps(3);
+    assert!(window.state().look().lights.own_setting("lamp").intensity > 1.0);
+    click(&mut window, "Undo");
     window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
     window.run_steps(3);
     assert!(*window.state().look() != look);

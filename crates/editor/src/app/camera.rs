@@ -25,7 +25,8 @@ pub(super) struct CameraDesk {
     /// Whether it is in hand.
     pub is_moving: bool,
     pivot_m: f32,
-    habits: Habits,
+    /// How it is moved.
+    pub habits: Habits,
     previewer: Previewer,
     texture: Option<TextureHandle>,
     ordered: Option<(Camera, Film)>,

@@ -85,7 +85,7 @@ impl App {
         if let (Some(question), Some(path)) = (self.question.take(), path) {
             self.actions.push(question.action(path));
         } else {
-            self.profile_at_px = None;
+            (self.profile_at_px, self.profile_for) = (None, None);
             self.stay();
         }
     }

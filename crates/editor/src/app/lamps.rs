@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use clerestory_transport::basis::{LightSource, SourceKind};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::Emitter;
 use clerestory_transport::import::read_profile;
@@ -86,20 +87,42 @@ impl App {
     }
 
     pub(super) fn ask_profile(&mut self, at_px: Option<[f32; 2]>) {
-        self.profile_at_px = at_px;
+        (self.profile_at_px, self.profile_for) = (at_px, None);
+        self.ask(FileTask::OpenProfile);
+    }
+
+    pub(super) fn ask_profile_for(&mut self, key: String) {
+        self.profile_for = Some(key);
         self.ask(FileTask::OpenProfile);
     }
 
     pub(super) fn add_profile(&mut self, path: PathBuf) {
+        let (at_px, of) = (self.profile_at_px.take(), self.profile_for.take());
         let path = std::path::absolute(&path).unwrap_or(path);
         match read_profile(&path) {
             Ok(profile) => {
-                let (shape, at_px) =
-                    (LampShape::Profile { file: path.display().to_string() }, self.profile_at_px.take());
-                self.place_lamp(shape, Some((profile.max_candela(), LampUnit::Candela)), at_px);
+                let shape = LampShape::Profile { file: path.display().to_string() };
+                let own = (profile.max_candela(), LampUnit::Candela);
+                match of {
+                    Some(key) => self.give_profile(&key, shape, own),
+                    None => self.place_lamp(shape, Some(own), at_px),
+                }
             }
             Err(why) => self.complain(format!("{}: {why}", path.display())),
         }
+    }
+
+    /// A lamp shines by a measured distribution from now on, as strong as that says.
+    fn give_profile(&mut self, key: &str, shape: LampShape, (strength, unit): (f32, LampUnit)) {
+        let before = self.look.lights.lamps.iter().find(|lamp| lamp.key == key);
+        let Some(lamp) = before.map(|before| FreeLamp { shape, strength, unit, ..before.clone() }) else { return };
+        if !fits(&lamp) {
+            return self.complain("it would be stronger than a look holds");
+        }
+        self.as_one_step(|app| {
+            let lamps = app.look.lights.lamps.iter_mut();
+            lamps.filter(|before| before.key == lamp.key).for_each(|before| before.clone_from(&lamp));
+        });
     }
 
     /// Profiles of lamps were written by another program: the lamps shine by what they are now, as strong as they are set.
@@ -177,45 +200,75 @@ impl App {
         self.look.lights.lamps.iter().position(|lamp| lamp.key == chosen)
     }
 
-    /// Keys of the lamps that are chosen: all that are selected in the list, or one of the picture that is not among them.
+    /// Whether a light is chosen: selected in the list, or the one of the picture that is not among those.
+    fn is_in_hand(&self, key: &str) -> bool {
+        let chosen = self.lights.lamps.chosen.as_deref().filter(|chosen| !self.lights.is_selected(chosen));
+        chosen.map_or_else(|| self.lights.is_selected(key), |chosen| chosen == key)
+    }
+
+    /// Keys of the free lamps that are chosen.
     fn lamps_in_hand(&self) -> Vec<String> {
-        let chosen = self.lights.lamps.chosen.as_ref().filter(|key| !self.lights.is_selected(key));
-        let is_in_hand = |key: &String| chosen.map_or(self.lights.is_selected(key), |chosen| chosen == key);
         let keys = self.look.lights.lamps.iter().map(|lamp| &lamp.key);
-        keys.filter(|key| is_in_hand(key)).cloned().collect()
+        keys.filter(|key| self.is_in_hand(key)).cloned().collect()
+    }
+
+    /// The lights of the file that are chosen.
+    fn of_file_in_hand(&self) -> impl Iterator<Item = &LightSource> {
+        let sources = self.session.basis().into_iter().flat_map(|basis| &basis.sources);
+        sources.filter(move |source| self.is_in_hand(&source.key))
     }
 
     pub(super) fn duplicate_lamps(&mut self) {
-        let originals = self.lamps_in_hand();
-        if originals.is_empty() || !self.has_room(originals.len()) {
+        let is_lamp = |kind: SourceKind| matches!(kind, SourceKind::Point | SourceKind::Spot | SourceKind::Directional);
+        let of_file = self.of_file_in_hand().filter(|source| is_lamp(source.kind));
+        let of_file: Vec<String> = of_file.map(|source| source.key.clone()).collect();
+        self.add_copies(&self.lamps_in_hand(), &of_file);
+    }
+
+    /// Adds copies of free lamps and of lamps of the file, and selects them.
+    pub(super) fn add_copies(&mut self, free: &[String], of_file: &[String]) {
+        let n_copies = free.len() + of_file.len();
+        if n_copies == 0 || !self.has_room(n_copies) {
             return;
         }
         self.as_one_step(|app| {
-            let copies: Vec<String> = originals.iter().filter_map(|key| app.duplicate_lamp(key)).collect();
+            let mut copies: Vec<String> = free.iter().filter_map(|key| app.copy_lamp(key)).collect();
+            copies.extend(of_file.iter().filter_map(|key| app.copy_lamp_of_file(key)));
+            // Why there is none was said.
             if let [copy] = &copies[..] {
                 app.say(format!("Added {copy}"));
-            } else {
+            } else if !copies.is_empty() {
                 app.say(format!("Added {} lamps", copies.len()));
                 app.lights.select(copies);
             }
         });
     }
 
-    /// The key of a copy of a lamp.
-    fn duplicate_lamp(&mut self, of: &str) -> Option<String> {
+    /// Adds a copy of a free lamp; answers its key.
+    fn copy_lamp(&mut self, of: &str) -> Option<String> {
         let lamp = self.look.lights.lamps.iter().find(|lamp| lamp.key == of)?.clone();
-        let name = self.look.name_of(&lamp.key);
-        let stem = name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end();
-        let mut copy = FreeLamp { key: self.free_name(stem), replaces: None, ..lamp };
+        Some(self.push_copy(of, lamp))
+    }
+
+    /// The same of a lamp of the file.
+    fn copy_lamp_of_file(&mut self, of: &str) -> Option<String> {
+        let lamp = self.free_twin(of, "copied")?;
+        Some(self.push_copy(of, lamp))
+    }
+
+    /// Adds a lamp beside the one that it is a copy of.
+    fn push_copy(&mut self, of: &str, lamp: FreeLamp) -> String {
+        let stem = self.look.name_of(of).trim_end_matches(|c: char| c.is_ascii_digit()).trim_end();
+        let key = self.free_name(stem);
+        let mut copy = FreeLamp { key: key.clone(), replaces: None, ..lamp };
         // In the picture it is seen beside the first one.
         if let Some((scene, camera, _)) = self.lamp_view() {
             let place = beside(copy.position, &camera, &scene);
             move_to(&mut copy, place, AimWhileMoving::GoesAlong);
         }
-        groups::join(&mut self.look.lights, of, &copy.key);
-        let key = copy.key.clone();
+        groups::join(&mut self.look.lights, of, &key);
         self.push_lamp(copy);
-        Some(key)
+        key
     }
 
     /// A lamp that is chosen lets go the key of the timeline that was, and the other way round: keys of the keyboard are for one of them.
@@ -241,6 +294,10 @@ impl App {
     pub(super) fn delete_lamps(&mut self) {
         let doomed = self.lamps_in_hand();
         if doomed.is_empty() {
+            let of_file = self.of_file_in_hand().next().map(|source| self.look.name_of(&source.key).to_owned());
+            if let Some(name) = of_file {
+                self.say(format!("{name} is a light of the file, which cannot be deleted; mute it instead"));
+            }
             return;
         }
         self.lights.lamps.chosen = None;
@@ -267,14 +324,14 @@ impl App {
 
     /// Mutes a lamp of the file and puts a free one of the same light in its place, in one step of undo.
     pub(super) fn make_movable(&mut self, key: &str) {
-        if let Some(lamp) = self.movable_twin(key) {
+        if let Some(lamp) = self.free_twin(key, "made movable") {
             self.as_one_step(|app| app.exchange(key, lamp));
         }
     }
 
     /// The same while the pointer is down, which makes one step of all that it does; the lamp is in its hand then.
     pub(super) fn pull_lamp(&mut self, key: &str, at: [f32; 2]) {
-        let twin = self.movable_twin(key);
+        let twin = self.free_twin(key, "made movable");
         self.lights.lamps.pulled_at = twin.is_some().then(|| at.into());
         if let Some(lamp) = twin {
             let (lights, chosen) = (self.look.lights.clone(), self.lights.lamps.chosen.clone());
@@ -291,11 +348,11 @@ impl App {
         self.say("Put back");
     }
 
-    /// A free lamp of the same light as one of the file; complains where there can be none.
-    fn movable_twin(&mut self, key: &str) -> Option<FreeLamp> {
+    /// A free lamp of the same light as one of the file; complains where there can be none, and what of it was to be `done`.
+    fn free_twin(&mut self, key: &str, done: &str) -> Option<FreeLamp> {
         let name = self.look.name_of(key).to_owned();
         let Some((scene, ..)) = self.lamp_view() else {
-            self.complain(format!("{name} can be made movable once the scene is open"));
+            self.complain(format!("{name} can be {done} once the scene is open"));
             return None;
         };
         if !self.has_room(1) {
@@ -310,12 +367,12 @@ impl App {
         let free = self.free_name(&format!("{name} movable"));
         let lamp = found.map(|(source, light)| FreeLamp::from_source(&free, source, light, setting)).next().flatten();
         if lamp.is_none() {
-            self.complain(format!("{name} cannot be made movable: its distribution lies in the file of the scene"));
+            self.complain(format!("{name} cannot be {done}: its distribution lies in the file of the scene"));
         }
         let fitting = lamp.clone().filter(fits);
         if lamp.is_some() && fitting.is_none() {
             self.complain(format!(
-                "{name} cannot be made movable: it is stronger, or farther than 1000 km from the origin, than a look holds"
+                "{name} cannot be {done}: it is stronger, or farther than 1000 km from the origin, than a look holds"
             ));
         }
         fitting

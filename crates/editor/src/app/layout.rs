@@ -27,6 +27,8 @@ const PICTURE_LEAST: f32 = 660.0;
 /// Points that the picture keeps when the right panel takes room, and the most that this takes.
 const PICTURE_BESIDE: f32 = 380.0;
 const SETTINGS_MOST: f32 = 460.0;
+/// Points at the top of the picture that what is said of a camera in hand takes.
+const CAMERA_BANNER: f32 = 50.0;
 /// Width of the right panel at first, points.
 const SETTINGS_WIDTH: f32 = 264.0;
 /// Least widths of the panel of lights and of the right panel, points.
@@ -222,7 +224,9 @@ impl App {
         self.strips_ui(ui);
         self.picture_area = ui.available_rect_before_wrap();
         if self.camera.is_moving && self.session.lamp_scene().is_some() {
-            return self.flight_ui(ui);
+            self.flight_ui(ui);
+            let below = self.picture_area.with_min_y(self.picture_area.top() + CAMERA_BANNER);
+            return solo_banner_ui(ui, below, &self.look, &mut self.lights.solo);
         }
         let overlay = self.heat_overlay(ui.ctx());
         self.look_there(ui.ctx());
@@ -248,6 +252,7 @@ impl App {
             is_glimpse: self.session.is_glimpse(),
             scene: scene.zip(shown_camera).filter(|_| handled.is_some()),
             handled: handled.unwrap_or_default(),
+            navigation: self.camera.habits.navigation,
             legends,
             isolines: self.isolux.lines(),
             compared,

@@ -28,6 +28,8 @@ pub struct LampState {
     pub drag: Option<Drag>,
     /// Where the pointer was seen last while it drags.
     pub dragged_to: Option<Pos2>,
+    /// Lamps that are selected together with the one that is dragged and go along with it, as they were.
+    pub carried: Vec<FreeLamp>,
     /// Where the chosen lamp was pulled out of the file, before it is held.
     pub pulled_at: Option<Pos2>,
     /// What stood before that, while it is held.
@@ -113,13 +115,20 @@ pub fn add_menu(ui: &mut Ui, at_px: Option<[f32; 2]>, actions: &mut Vec<Action>)
     }
 }
 
-/// The entry of a menu that exchanges a lamp of the file for a free one; none of a measured lamp, whose distribution lies in the file.
+/// The entries of a menu that make a free lamp of one of the file, in its place or beside it; none of a measured lamp, whose distribution lies in the file.
 pub fn make_movable_ui(ui: &mut Ui, key: &str, is_measured: bool, actions: &mut Vec<Action>) {
     let button = ui.add_enabled(!is_measured, Button::new("Make movable"));
     let button = button.on_hover_text("Mutes it, and puts a free lamp of the same light in its place");
     let why = "Its measured distribution lies in the file of the scene: mute it, and add one with “IES or LDT…”";
     if button.on_disabled_hover_text(why).clicked() {
         actions.push(Action::MakeMovable(key.to_owned()));
+        ui.close();
+    }
+    let button = ui.add_enabled(!is_measured, Button::new("Duplicate"));
+    let button = button.on_hover_text("Adds a movable lamp of the same light, and leaves this one as it is");
+    let why = "Its measured distribution lies in the file of the scene: add one with “IES or LDT…”";
+    if button.on_disabled_hover_text(why).clicked() {
+        actions.push(Action::CopyLamp(key.to_owned()));
         ui.close();
     }
 }
@@ -137,6 +146,9 @@ pub fn lamp_menu(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &
     };
     let aims = lamp.shape.is_aimed() && chosen(ui, "Aim at…", None);
     chosen(ui, "Duplicate", Some(Action::DuplicateLamp));
+    if lamp.shape != LampShape::Directional {
+        chosen(ui, "Give it a profile…", Some(Action::AskProfileFor(lamp.key.clone())));
+    }
     chosen(ui, "Delete", Some(Action::DeleteLamp));
     state.aiming |= aims;
 }

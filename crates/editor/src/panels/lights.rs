@@ -25,6 +25,7 @@ use serde::{Deserialize, Serialize};
 
 use super::lamps::{LampChoice, LampState, Pick, add_button, missing_ui};
 use super::number::Number;
+use super::shortcuts::{ALL_LIGHTS, hears_keys};
 use crate::action::Action;
 use crate::look::Look;
 pub use groups::{ADDED, take_in, with_groups};
@@ -35,7 +36,7 @@ use mix::Mix;
 use names::Renaming;
 use scale::{IDEAL_EFFICACY, Scale};
 use selection::Selection;
-pub use solo::{heard, solo_banner_ui};
+pub use solo::{heard, letters_menu, solo_banner_ui};
 use table::Sorting;
 
 /// How the lights are laid out.
@@ -99,6 +100,8 @@ pub struct LightsState {
     pub lamps: LampState,
     /// Key of the light that was chosen in the picture: the panel selects it and shows it.
     pub chosen: Option<String>,
+    /// Key of the light whose name is under the pointer, until the picture has shown it.
+    pub pointed: Option<String>,
     chosen_before: Option<String>,
     selection: Selection,
     /// The chosen lamp of the frame before.
@@ -164,6 +167,8 @@ impl LightsState {
         let (asked, pick) = picked.map_or((asked, Pick::Alone), |(key, pick)| (Some(key), pick));
         if let Some(key) = asked {
             match pick {
+                // What is dragged takes what is selected along, and all of it stays selected.
+                Pick::Alone if !self.lamps.carried.is_empty() => {}
                 Pick::Alone => self.selection.set(&key),
                 Pick::Another => self.selection.add(&key),
             }
@@ -323,9 +328,17 @@ fn order(items: &[Item], lights: &[Listed], collapsed: &BTreeSet<String>) -> Vec
     shown.map(|idx| lights[*idx].key.clone()).collect()
 }
 
-/// Keys that change what is selected. While somebody types they are letters.
+/// Keys that select, and change what is selected. While somebody types they are letters.
 fn keys(ui: &Ui, mix: &mut Mix) {
-    if mix.state.selection.is_empty() || ui.ctx().text_edit_focused() {
+    if !hears_keys(ui) {
+        return;
+    }
+    if ui.input_mut(|input| input.consume_shortcut(&ALL_LIGHTS)) {
+        let listed: Vec<usize> = mix.items.iter().flat_map(Item::lights).copied().collect();
+        let all = mix.keys(&listed);
+        mix.state.select(all);
+    }
+    if mix.state.selection.is_empty() {
         return;
     }
     let pressed = |key: Key| ui.input_mut(|input| input.consume_key(Modifiers::NONE, key));

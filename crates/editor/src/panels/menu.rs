@@ -1,6 +1,6 @@
 //! The menu of a thing: by a right click where the pointer is, or by a key of what has the focus.
 
-use eframe::egui::{Key, KeyboardShortcut, Modifiers, Popup, Response, SetOpenCommand, Ui};
+use eframe::egui::{Context, Id, Key, KeyboardShortcut, Modifiers, Popup, Response, SetOpenCommand, Ui};
 
 /// Keys that open the menu of what has the focus.
 pub const MENU: KeyboardShortcut = KeyboardShortcut::new(Modifiers::SHIFT, Key::F10);
@@ -33,4 +33,15 @@ pub fn context_menu(response: &Response, add: impl FnOnce(&mut Ui)) {
     if !Popup::is_id_open(ctx, by_key) {
         response.request_focus();
     }
+}
+
+/// Notes as a frame begins whether a menu, a list or a picker is open, which Escape closes before others hear of it.
+pub fn note_open(ctx: &Context) {
+    let is_open = Popup::is_any_open(ctx);
+    ctx.data_mut(|data| data.insert_temp(Id::unique("open as the frame began"), is_open));
+}
+
+/// Whether one was open as this frame began.
+pub fn was_open(ctx: &Context) -> bool {
+    ctx.data(|data| data.get_temp(Id::unique("open as the frame began"))).unwrap_or(false)
 }

@@ -2,10 +2,10 @@
 
 use eframe::egui::gui_zoom::kb_shortcuts::{ZOOM_IN, ZOOM_OUT, ZOOM_RESET};
 use eframe::egui::text_selection::LabelSelectionState;
-use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers};
+use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers, Ui};
 
 use super::looks::cards::{WITH_KEY, take_keys as look_keys};
-use super::menu::MENU;
+use super::menu::{MENU, was_open};
 use super::number::give_up;
 use crate::action::{Action, FileTask, Side};
 use crate::viewport::orbit::Navigation;
@@ -45,6 +45,8 @@ const DELETE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Del
 const DELETE_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Backspace);
 /// Copies the chosen lamp.
 pub const DUPLICATE: KeyboardShortcut = command(Key::D);
+/// Selects all lights that are listed.
+pub const ALL_LIGHTS: KeyboardShortcut = command(Key::A);
 const AIM: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::A);
 const HELP: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
 
@@ -94,6 +96,16 @@ pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
     if asks_for_help(ctx) {
         actions.push(Action::ToggleShortcuts);
     }
+}
+
+/// Whether keys are for what is drawn there: neither for a text nor for a question in front of it.
+pub fn hears_keys(ui: &Ui) -> bool {
+    !ui.text_edit_focused() && ui.memory(|memory| memory.allows_interaction(ui.layer_id()))
+}
+
+/// Whether Escape was pressed and is for what is drawn there, and for no menu that it closes.
+pub fn escapes(ui: &Ui) -> bool {
+    hears_keys(ui) && !was_open(ui.ctx()) && ui.input(|input| input.key_pressed(Key::Escape))
 }
 
 /// Whether a question mark was typed: where it lies, and with which keys it is made, each keyboard has for itself.
@@ -169,7 +181,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
             format!("{}, {}, {}", keys(&ZOOM_IN), keys(&ZOOM_OUT), keys(&ZOOM_RESET)),
             "Everything in the window larger, smaller, as large as at first",
         ),
-        (words("Wheel, pinch"), "Zoom at the pointer"),
+        (words("Wheel, pinch"), "Zoom at the pointer; by Trackpad two fingers move the picture"),
         (words("Z + drag"), "Zoom to a rectangle"),
         (words("Middle drag, Space + drag"), "Move the picture"),
         (words("Click in the picture"), "Show which lights are there"),
@@ -186,18 +198,19 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Shift, Alt while marking"), "Add to what is marked, take away from it"),
         (words("Esc while marking"), "Put the tool down"),
         (words("Drag on a panel in the picture"), "Place or move a spot of light"),
-        (words("Double-click on a panel"), "Add a spot"),
+        (words("Double-click, right-click on a panel"), "Add a spot; delete the one that is there"),
         (words("Arrow keys after a press on a spot"), "Move it by a quarter of a texel, with Shift by a tenth of that"),
         (words("Click on a lamp"), "Choose it, show its handles"),
         (words("Drag an arrow or a square"), "Move the lamp along an axis or across it"),
-        (words("Drag the lamp, Alt + drag"), "Move it over surfaces, or freely"),
-        (words("Shift while dragging a lamp"), "Finer steps"),
-        (words("Esc while dragging a lamp"), "Put it back"),
-        (words("A, then click"), "Aim the lamp at what is clicked"),
+        (words("Drag the lamp, Alt + drag"), "Move it over surfaces, or freely; what is selected with it goes along"),
+        (words("Shift while dragging a lamp or a spot"), "Finer steps"),
+        (words("Esc while dragging a lamp or a spot"), "Put it back"),
+        (words("A, then click"), "Aim the selected lamps at what is clicked"),
         (keys(&DUPLICATE), "Duplicate the lamp"),
         (words("Del"), "Delete the lamp, or the key of the timeline, that was chosen last"),
         (format!("Click on a name, with Shift, with {command}"), "Select a light, all up to there, one more"),
         (format!("Click in the picture, with Shift or {command}"), "Select the light that shines there, or one more"),
+        (keys(&ALL_LIGHTS), "Select all lights that the list has"),
         (words("[ and ]"), "Selected lights a third of a stop darker, brighter"),
         (words("Arrow keys on a fader, with Shift"), "A third of a stop, a twelfth"),
         (words("F2"), "Rename the selected light"),

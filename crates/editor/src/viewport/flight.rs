@@ -11,6 +11,7 @@ use super::gizmo::surface_along;
 use super::orbit::{Flight, Navigation, Turn};
 use super::zoom::Zoom;
 use crate::action::Action;
+use crate::panels::shortcuts::{escapes, hears_keys};
 use crate::theme;
 
 /// Share of the scene's diameter that one walks in a second.
@@ -72,7 +73,7 @@ pub fn flight_ui(ui: &mut Ui, view: &FlightView, zoom: &Zoom, flight: &mut Fligh
     if view.habits.walks {
         walk(ui, view.scene, flight);
     }
-    if !ui.text_edit_focused() && ui.input(|input| input.key_pressed(Key::Escape)) {
+    if escapes(ui) {
         actions.push(Action::LeaveCamera);
     }
     banner_ui(ui, area, view, actions);
@@ -117,7 +118,7 @@ fn both_ways(input: &InputState) -> egui::Vec2 {
 }
 
 fn walk(ui: &Ui, scene: &PreparedScene, flight: &mut Flight) {
-    if ui.text_edit_focused() {
+    if !hears_keys(ui) {
         return;
     }
     let (held, dt, runs) = ui.input(|input| {

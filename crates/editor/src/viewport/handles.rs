@@ -5,7 +5,7 @@ use clerestory_transport::emitters::PanelEmitter;
 use clerestory_transport::light::PanelSpot;
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::accesskit::Role;
-use eframe::egui::{self, Color32, Id, Painter, Pos2, Rect, Shape, Stroke, vec2};
+use eframe::egui::{self, Color32, Id, Painter, Pos2, Rect, Shape, Stroke, Ui, vec2};
 use glam::Vec2;
 
 use super::lamps::tell;
@@ -21,12 +21,32 @@ pub enum Grab {
     /// A corner of the region to be shown, points.
     Region(Pos2),
     /// A spot of a panel.
-    Spot {
-        /// Key of the panel.
-        panel: String,
-        /// Which of its spots.
-        idx: usize,
-    },
+    Spot(HeldSpot),
+}
+
+/// A spot that is dragged.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeldSpot {
+    /// Key of its panel.
+    pub panel: String,
+    /// Which of the spots there.
+    pub idx: usize,
+    /// Where it is carried to, points: off the pointer by as much as it was taken there, or went finely.
+    at: Pos2,
+    /// Where the pointer was last.
+    pointer: Pos2,
+    /// The spots of the panel that the look had before, if any.
+    before: Option<Vec<PanelSpot>>,
+}
+
+impl HeldSpot {
+    /// The panel is again as it was.
+    pub fn put_back(self, look: &mut Look) {
+        match self.before {
+            Some(spots) => look.lights.panels.insert(self.panel, spots),
+            None => look.lights.panels.remove(&self.panel),
+        };
+    }
 }
 
 /// The panels of a scene as they are seen in the picture.
@@ -43,6 +63,8 @@ pub struct PanelPicker<'a> {
 
 /// How far from a spot is looked where a side of its panel leads, in sides of it.
 const NEAR: f32 = 0.01;
+/// Share of light that must come through what is in front of a panel for it to be seen.
+const SEEN: f32 = 0.5;
 /// Radius of a handle in points.
 const HANDLE_RADIUS: f32 = 7.0;
 
@@ -81,7 +103,13 @@ impl PanelPicker<'_> {
         let (origin, direction) = (self.camera.position(), self.ray(at));
         let hits = self.panels().filter_map(|(key, panel)| Some((key, panel, panel.intersect(origin, direction)?)));
         let (key, panel, (_, uv)) = hits.min_by(|a, b| a.2.0.total_cmp(&b.2.0))?;
-        (self.scene.transmittance(origin, panel.point(uv)).max_element() > 0.5).then_some((key, uv))
+        (self.scene.transmittance(origin, panel.point(uv)).max_element() > SEEN).then_some((key, uv))
+    }
+
+    /// Whether nothing hides a spot: its handle would lie on what does.
+    fn sees(&self, panel: &PanelEmitter, spot: &PanelSpot) -> bool {
+        let point = panel.point(spot.position.into());
+        self.scene.transmittance(self.camera.position(), point).max_element() > SEEN
     }
 
     /// Point of a panel's plane under the pointer, held within the panel.
@@ -108,7 +136,8 @@ impl PanelPicker<'_> {
     fn handle(&self, at: Pos2, look: &Look) -> Option<(&str, usize)> {
         let handles = self.panels().filter(|(_, panel)| self.faces(panel)).flat_map(|(key, panel)| {
             self.spots(key, look).iter().enumerate().filter_map(move |(idx, spot)| {
-                Some((key, idx, self.seen_at(panel, spot.position.into())?.distance(at)))
+                let seen = self.seen_at(panel, spot.position.into()).filter(|_| self.sees(panel, spot))?;
+                Some((key, idx, seen.distance(at)))
             })
         });
         let (key, idx, distance) = handles.min_by(|a, b| a.2.total_cmp(&b.2))?;
@@ -116,24 +145,30 @@ impl PanelPicker<'_> {
     }
 
     /// What a press takes hold of. On a panel without spots it makes the first one.
-    pub fn grab(&self, at: Pos2, look: &mut Look) -> Option<Grab> {
+    pub fn grab(&self, at: Pos2, look: &mut Look) -> Option<HeldSpot> {
         if let Some((key, idx)) = self.handle(at, look) {
-            self.own_spots(key, look);
-            return Some(Grab::Spot { panel: key.to_string(), idx });
+            let before = look.lights.panels.get(key).cloned();
+            let spot = self.own_spots(key, look).get(idx).copied()?;
+            // It stays under the pointer as it was taken: off its middle by as much.
+            let middle = self.panel(key).and_then(|panel| self.seen_at(panel, spot.position.into()));
+            return Some(HeldSpot { panel: key.to_owned(), idx, at: middle.unwrap_or(at), pointer: at, before });
         }
         let (key, uv) = self.hit(at)?;
+        let before = look.lights.panels.get(key).cloned();
         let spots = self.own_spots(key, look);
         if spots.is_empty() {
             spots.push(PanelSpot { position: uv.to_array(), ..NEW_SPOT });
         }
         let idx = nearest(spots.iter().map(|spot| Vec2::from(spot.position).distance(uv)))?;
-        Some(Grab::Spot { panel: key.to_string(), idx })
+        Some(HeldSpot { panel: key.to_owned(), idx, at, pointer: at, before })
     }
 
-    /// Moves a spot to where the pointer is.
-    pub fn drag(&self, panel: &str, idx: usize, at: Pos2, look: &mut Look) {
-        let to = self.panel(panel).and_then(|panel| self.on_plane(panel, at));
-        let spot = look.lights.panels.get_mut(panel).and_then(|spots| spots.get_mut(idx));
+    /// Moves a spot on to where the pointer is now, by a part of the way.
+    pub fn drag(&self, held: &mut HeldSpot, pointer: Pos2, part: f32, look: &mut Look) {
+        held.at += (pointer - held.pointer) * part;
+        held.pointer = pointer;
+        let to = self.panel(&held.panel).and_then(|panel| self.on_plane(panel, held.at));
+        let spot = look.lights.panels.get_mut(&held.panel).and_then(|spots| spots.get_mut(held.idx));
         if let (Some(to), Some(spot)) = (to, spot) {
             spot.position = to;
         }
@@ -165,6 +200,20 @@ impl PanelPicker<'_> {
         Some((key.to_string(), spots.len() - 1))
     }
 
+    /// What the menu of the picture offers for a place on a panel.
+    pub fn menu_ui(&self, ui: &mut Ui, at: Pos2, look: &mut Look, chosen: &mut Option<(String, usize)>) {
+        if let Some((key, idx)) = self.handle(at, look)
+            && ui.button("Delete this spot").clicked()
+        {
+            self.own_spots(key, look).remove(idx);
+            ui.close();
+        }
+        if self.hit(at).is_some() && ui.button("Add a spot here").clicked() {
+            *chosen = self.add(at, look);
+            ui.close();
+        }
+    }
+
     /// What can be done where the pointer is.
     pub fn hint(&self, at: Pos2, look: &Look) -> Option<String> {
         if let Some((key, idx)) = self.handle(at, look) {
@@ -185,6 +234,9 @@ impl PanelPicker<'_> {
             for (idx, spot) in self.spots(key, look).iter().enumerate() {
                 let is_chosen = chosen.is_some_and(|(k, i)| k == key && *i == idx);
                 let Some(center) = self.seen_at(panel, spot.position.into()) else { continue };
+                if !self.sees(panel, spot) {
+                    continue;
+                }
                 let color = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
                 if is_chosen {
                     painter.add(Shape::closed_line(

@@ -1,6 +1,7 @@
 //! Free lamps in the picture: handles that are clicked, dragged along axes, planes and surfaces, and aimed.
 
 use clerestory_transport::lamps::{FreeLamp, LampShape};
+use clerestory_transport::light::LightRig;
 use eframe::egui::accesskit::{self, Role};
 use eframe::egui::{
     self, Align2, Color32, Context, CursorIcon, FontId, Id, Key, Painter, PointerButton, Pos2, Rect, Response, Sense,
@@ -8,11 +9,12 @@ use eframe::egui::{
 };
 use glam::Vec3;
 
-use super::gizmo::{AXES, AXIS_NAMES, Drag, Held, Part, Sight, aim_at};
+use super::gizmo::{AXES, AXIS_NAMES, AimWhileMoving, Drag, Held, Part, Sight, aim_at, move_to};
 use crate::action::Action;
 use crate::look::Look;
-use crate::panels::lamps::{LampState, Pick, add_menu, lamp_menu, shown_color};
-use crate::panels::menu::{context_menu, is_asked};
+use crate::panels::lamps::{LampState, Pick, lamp_menu, shown_color};
+use crate::panels::lights::{LightsState, letters_menu};
+use crate::panels::menu::context_menu;
 use crate::theme;
 
 /// Length of the arrows in points.
@@ -34,71 +36,77 @@ pub fn lamps_ui(
     picture: &Response,
     sight: &Sight,
     look: &mut Look,
-    state: &mut LampState,
+    lights: &mut LightsState,
     actions: &mut Vec<Action>,
 ) -> bool {
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
-    let (names, lamps) = (&look.names, &mut look.lights.lamps[..]);
+    let (names, rig) = (&look.names, &mut look.lights);
     let name_of = |lamp: &FreeLamp| names.get(&lamp.key).unwrap_or(&lamp.key).clone();
-    let mut touched = aim_by_click(ui, picture, sight, lamps, state, &name_of);
-    cancel(ui, lamps, state, actions);
-    hold_pulled(sight, lamps, state);
-    drag_on(ui, sight, lamps, state);
+    let aimed = lights.lamps.chosen.as_deref().filter(|_| lights.lamps.aiming);
+    let others = aimed.map_or_else(Vec::new, |key| selected_with(key, &rig.lamps, lights));
+    let was_held = lights.lamps.drag.is_some();
+    let state = &mut lights.lamps;
+    let mut touched = aim_by_click(ui, picture, sight, (&mut rig.lamps, &others), state, &name_of);
+    cancel(ui, &mut rig.lamps, state, actions);
+    hold_pulled(sight, &rig.lamps, state);
+    drag_on(ui, sight, &mut rig.lamps, state);
     // The chosen lamp comes last, and so lies on top.
-    let mut order: Vec<usize> = (0..lamps.len()).collect();
-    order.sort_by_key(|idx| state.is_chosen(&lamps[*idx].key));
+    let mut order: Vec<usize> = (0..rig.lamps.len()).collect();
+    order.sort_by_key(|idx| lights.lamps.is_chosen(&rig.lamps[*idx].key));
     for idx in order {
-        let lamp = lamps[idx].clone();
+        let lamp = rig.lamps[idx].clone();
         let Some(center) = sight.seen_at(lamp.position).filter(|center| painter.clip_rect().contains(*center)) else {
             continue;
         };
-        let (is_chosen, name) = (state.is_chosen(&lamp.key), name_of(&lamp));
+        let (is_chosen, name) = (lights.lamps.is_chosen(&lamp.key), name_of(&lamp));
         if is_chosen {
             paint_shape(&painter, sight, &lamp);
         }
-        if is_chosen && !state.aiming {
+        if is_chosen && !lights.lamps.aiming {
             for (part, at) in parts(sight, &lamp, center) {
-                touched |= part_ui(ui, &painter, (sight, picture), (part, at, center), (&lamp, &name), state);
+                let of = (&lamp, name.as_str());
+                touched |= part_ui(ui, &painter, (sight, picture), (part, at, center), of, &mut lights.lamps);
             }
         }
-        touched |= body_ui(ui, &painter, (sight, picture), center, (&lamp, &name), state, actions);
+        touched |= body_ui(ui, &painter, (sight, picture), center, (&lamp, &name), (rig, lights), actions);
+    }
+    if let Some(drag) = lights.lamps.drag.as_ref().filter(|_| !was_held) {
+        let carried = selected_with(&drag.key, &rig.lamps, lights);
+        lights.lamps.carried = carried;
     }
     let adds = ui.input(|input| Pick::of(input.modifiers)) == Pick::Another;
-    if picture.clicked() && !touched && !state.aiming && !adds {
+    if picture.clicked() && !touched && !lights.lamps.aiming && !adds {
         // With handles on the screen a click beside them puts them away, and that is all.
-        touched |= lamps.iter().any(|lamp| state.is_chosen(&lamp.key));
-        state.chosen = None;
+        touched |= rig.lamps.iter().any(|lamp| lights.lamps.is_chosen(&lamp.key));
+        lights.lamps.chosen = None;
     }
-    if picture.secondary_clicked() {
-        state.menu_at = picture.interact_pointer_pos();
-    } else if is_asked(picture) {
-        // By the keyboard it is about the middle of the view.
-        state.menu_at = None;
+    touched || lights.lamps.aiming
+}
+
+/// The other lamps that are selected where a lamp is selected as well.
+fn selected_with(key: &str, lamps: &[FreeLamp], lights: &LightsState) -> Vec<FreeLamp> {
+    if !lights.is_selected(key) {
+        return Vec::new();
     }
-    context_menu(picture, |ui| {
-        let px = state.menu_at.map(|at| film_px(sight, at));
-        ui.menu_button("Add lamp here", |ui| add_menu(ui, px, actions));
-    });
-    touched || state.aiming
+    lamps.iter().filter(|lamp| lamp.key != key && lights.is_selected(&lamp.key)).cloned().collect()
 }
 
 /// Pixels of the film at a place on the screen.
-fn film_px(sight: &Sight, at: Pos2) -> [f32; 2] {
+pub(super) fn film_px(sight: &Sight, at: Pos2) -> [f32; 2] {
     let px = (at - sight.image.min) / sight.image.size() * vec2(sight.film.width as f32, sight.film.height as f32);
     [px.x, px.y]
 }
 
-/// While a lamp is to be aimed, a click says at what. Answers whether one did.
+/// While lamps are to be aimed, the chosen one and `others` that are selected with it, a click says at what. Answers whether one did.
 fn aim_by_click(
     ui: &Ui,
     picture: &Response,
     sight: &Sight,
-    lamps: &mut [FreeLamp],
+    (lamps, others): (&mut [FreeLamp], &[FreeLamp]),
     state: &mut LampState,
     name_of: &impl Fn(&FreeLamp) -> String,
 ) -> bool {
-    let chosen = lamps.iter_mut().find(|lamp| state.is_chosen(&lamp.key)).filter(|lamp| lamp.shape.is_aimed());
-    let Some(lamp) = chosen else {
+    let Some(chosen) = lamps.iter().find(|lamp| state.is_chosen(&lamp.key) && lamp.shape.is_aimed()) else {
         state.aiming = false;
         return false;
     };
@@ -107,11 +115,20 @@ fn aim_by_click(
     }
     if let Some(at) = picture.hover_pos() {
         ui.ctx().set_cursor_icon(CursorIcon::Crosshair);
-        hint(ui, picture.rect, &format!("Click what {} is to light, Esc to leave it", name_of(lamp)));
+        let n_more = others.iter().filter(|lamp| lamp.shape.is_aimed()).count();
+        let who = match n_more {
+            0 => format!("{} is", name_of(chosen)),
+            _ => format!("{} and {n_more} more are", name_of(chosen)),
+        };
+        hint(ui, picture.rect, &format!("Click what {who} to light, Esc to leave it"));
         if picture.clicked_by(PointerButton::Primary)
             && let Some(surface) = sight.surface(at)
         {
-            aim_at(lamp, surface.position);
+            for lamp in lamps.iter_mut().filter(|lamp| lamp.shape.is_aimed()) {
+                if state.is_chosen(&lamp.key) || others.iter().any(|other| other.key == lamp.key) {
+                    aim_at(lamp, surface.position);
+                }
+            }
             state.aiming = false;
             return true;
         }
@@ -119,7 +136,7 @@ fn aim_by_click(
     false
 }
 
-/// Esc puts a dragged lamp back, one that was pulled out of the file into it, and ends aiming.
+/// Esc puts dragged lamps back, one that was pulled out of the file into it, and ends aiming.
 fn cancel(ui: &Ui, lamps: &mut [FreeLamp], state: &mut LampState, actions: &mut Vec<Action>) {
     if !ui.input(|input| input.key_pressed(Key::Escape)) {
         return;
@@ -129,10 +146,12 @@ fn cancel(ui: &Ui, lamps: &mut [FreeLamp], state: &mut LampState, actions: &mut 
         state.pulled_at = None;
         actions.push(Action::PutBack(Box::new(pulled)));
     }
-    if let Some(drag) = state.drag.take()
-        && let Some(lamp) = lamps.iter_mut().find(|lamp| lamp.key == drag.key)
-    {
-        *lamp = drag.before;
+    if let Some(drag) = state.drag.take() {
+        for before in state.carried.drain(..).chain([drag.before]) {
+            if let Some(lamp) = lamps.iter_mut().find(|lamp| lamp.key == before.key) {
+                *lamp = before;
+            }
+        }
     }
 }
 
@@ -192,11 +211,13 @@ fn body_ui(
     (sight, picture): (&Sight, &Response),
     center: Pos2,
     (lamp, name): (&FreeLamp, &str),
-    state: &mut LampState,
+    (rig, lights): (&mut LightRig, &mut LightsState),
     actions: &mut Vec<Action>,
 ) -> bool {
+    let is_selected = lights.is_selected(&lamp.key);
+    let state = &mut lights.lamps;
     let is_chosen = state.is_chosen(&lamp.key);
-    let rim = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
+    let rim = if is_chosen || is_selected { theme::ACCENT } else { Color32::from_gray(235) };
     if state.aiming {
         // The next click is about what is to be lit, whatever lamp is seen before it.
         paint_body(painter, (center, 6.0), lamp, rim);
@@ -215,7 +236,10 @@ fn body_ui(
     if response.hovered() && state.drag.is_none() {
         hint(ui, painter.clip_rect(), &format!("{name}, drag to move it over surfaces, with Alt freely"));
     }
-    context_menu(&response, |ui| lamp_menu(ui, lamp, state, actions));
+    context_menu(&response, |ui| {
+        letters_menu(ui, &lamp.key, rig, &mut lights.solo);
+        lamp_menu(ui, lamp, state, actions);
+    });
     is_held || response.hovered() || response.clicked()
 }
 
@@ -259,18 +283,20 @@ fn hold_pulled(sight: &Sight, lamps: &[FreeLamp], state: &mut LampState) {
     }
 }
 
-/// Carries a lamp on that is held, and lets go of it where the button comes up.
+/// Carries a lamp on that is held, with those that go along, and lets go of them where the button comes up.
 fn drag_on(ui: &Ui, sight: &Sight, lamps: &mut [FreeLamp], state: &mut LampState) {
     let (pointer, is_down, modifiers) =
         ui.input(|input| (input.pointer.interact_pos(), input.pointer.primary_down(), input.modifiers));
     state.pulled.take_if(|_| !is_down);
     let Some(drag) = &mut state.drag else { return };
-    let lamp = lamps.iter_mut().find(|lamp| lamp.key == drag.key);
-    if let (Some(lamp), Some(at), Some(last)) = (lamp, pointer, state.dragged_to)
+    let idx = lamps.iter().position(|lamp| lamp.key == drag.key);
+    if let (Some(idx), Some(at), Some(last)) = (idx, pointer, state.dragged_to)
         && at != last
     {
         let held = Held { fine: modifiers.shift, free: modifiers.alt, aim: state.aim_while_moving };
-        *lamp = drag.moved(sight, lamp, at - last, held);
+        lamps[idx] = drag.moved(sight, &lamps[idx], at - last, held);
+        let way = lamps[idx].position - drag.before.position;
+        carry(lamps, &state.carried, way, held.aim);
         state.dragged_to = Some(at);
     }
     ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
@@ -278,6 +304,17 @@ fn drag_on(ui: &Ui, sight: &Sight, lamps: &mut [FreeLamp], state: &mut LampState
         ui.ctx().request_repaint();
     } else {
         (state.drag, state.dragged_to) = (None, None);
+        state.carried.clear();
+    }
+}
+
+/// Puts lamps so far from where they were.
+fn carry(lamps: &mut [FreeLamp], before: &[FreeLamp], way: Vec3, aim: AimWhileMoving) {
+    for lamp in lamps {
+        if let Some(was) = before.iter().find(|was| was.key == lamp.key) {
+            *lamp = was.clone();
+            move_to(lamp, was.position + way, aim);
+        }
     }
 }
 

@@ -3,12 +3,11 @@
 use std::sync::Arc;
 
 use clerestory_transport::camera::Film;
-use eframe::egui::{
-    self, Color32, CursorIcon, Key, Mesh, PointerButton, Pos2, Rect, Response, Shape, Stroke, Ui, vec2,
-};
+use eframe::egui::{self, Color32, CursorIcon, Mesh, PointerButton, Pos2, Rect, Response, Shape, Stroke, Ui, vec2};
 
 use super::lamps::hint;
 use crate::marks::{Kin, Marks};
+use crate::panels::shortcuts::escapes;
 use crate::theme;
 
 /// What a press on the picture marks.
@@ -94,7 +93,7 @@ pub fn marking_ui(ui: &Ui, response: &Response, image: Rect, film: Film, state: 
         paint(ui, response.rect, image, marks);
     }
     let Some(tool) = state.tool else { return false };
-    if !ui.text_edit_focused() && ui.input(|input| input.key_pressed(Key::Escape)) {
+    if escapes(ui) {
         (state.tool, state.press) = (None, None);
         return false;
     }

@@ -6,16 +6,20 @@ use clerestory_transport::emitters::{Emitter, Lighting};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::Sampler;
 use clerestory_transport::scene::PunctualLight;
-use eframe::egui::{self, Color32, CursorIcon, Id, PointerButton, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2};
+use eframe::egui::accesskit::Role;
+use eframe::egui::{
+    self, Align2, Color32, CursorIcon, FontId, Id, Painter, PointerButton, Pos2, Rect, Response, Sense, Stroke, Ui,
+    Vec2, vec2,
+};
 use glam::Vec3;
 
 use super::gizmo::Sight;
-use super::lamps::hint;
+use super::lamps::{hint, tell};
 use super::probe::choose;
 use crate::action::Action;
 use crate::look::Look;
 use crate::panels::lamps::{Pick, make_movable_ui};
-use crate::panels::lights::LightsState;
+use crate::panels::lights::{LightsState, letters_menu};
 use crate::panels::menu::context_menu;
 use crate::theme;
 
@@ -23,6 +27,10 @@ use crate::theme;
 const REACH: f32 = 7.0;
 /// Radius of a mark, points.
 const RADIUS: f32 = 4.0;
+/// How strong a mark is that nobody points at.
+const WEAK: f32 = 0.55;
+/// Most selected lights whose names stand in the picture.
+const MOST_NAMES: usize = 8;
 /// Share of the light of a lamp behind glass that must come through for its mark to be seen.
 const SEEN: f32 = 0.05;
 
@@ -32,7 +40,7 @@ pub fn marks_ui(
     ui: &Ui,
     picture: &Response,
     sight: &Sight,
-    look: &Look,
+    look: &mut Look,
     lights: &mut LightsState,
     actions: &mut Vec<Action>,
 ) -> bool {
@@ -42,7 +50,7 @@ pub fn marks_ui(
     for (source, light) in lamps(sight.scene) {
         let (position, is_measured) = (light.position, light.profile.is_some());
         let name = look.name_of(&source.key);
-        let is_chosen = lights.chosen.as_deref() == Some(&source.key);
+        let is_chosen = lights.is_selected(&source.key) || lights.chosen.as_deref() == Some(&source.key);
         // A lamp that was moved away hangs there no longer.
         if look.lights.is_replaced(&source.key) || !is_near && !is_chosen {
             continue;
@@ -53,10 +61,9 @@ pub fn marks_ui(
         let response =
             ui.interact(rect, Id::unique(("lamp of the file", source.key.as_str())), Sense::click_and_drag());
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, format!("{name} in the picture")));
-        let strength = if response.hovered() || is_chosen { 1.0 } else { 0.55 };
+        let strength = if response.hovered() || is_chosen { 1.0 } else { WEAK };
         let color = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
-        painter.circle_stroke(at, RADIUS, Stroke::new(3.0, Color32::from_black_alpha(110)));
-        painter.circle_stroke(at, RADIUS, Stroke::new(1.4, color.gamma_multiply(strength)));
+        ring(&painter, at, color.gamma_multiply(strength));
         if response.hovered() {
             ui.ctx().set_cursor_icon(CursorIcon::PointingHand);
             let drag = if is_measured { "it is measured and stays where it is" } else { "drag to move it" };
@@ -77,18 +84,70 @@ pub fn marks_ui(
         } else if response.secondary_clicked() {
             choose(lights, &source.key, Pick::Alone);
         }
-        context_menu(&response, |ui| mark_menu(ui, (&source.key, is_measured), lights, actions));
+        context_menu(&response, |ui| mark_menu(ui, (&source.key, is_measured), (look, lights), actions));
         touched |= response.hovered() || response.clicked();
     }
     touched
 }
 
-fn mark_menu(ui: &mut Ui, (key, is_measured): (&str, bool), lights: &mut LightsState, actions: &mut Vec<Action>) {
-    if ui.button("Solo this alone").clicked() {
-        lights.solo = [key.to_owned()].into();
-        ui.close();
-    }
+fn mark_menu(
+    ui: &mut Ui,
+    (key, is_measured): (&str, bool),
+    (look, lights): (&mut Look, &mut LightsState),
+    actions: &mut Vec<Action>,
+) {
+    letters_menu(ui, key, &mut look.lights, &mut lights.solo);
     make_movable_ui(ui, key, is_measured, actions);
+}
+
+fn ring(painter: &Painter, at: Pos2, color: Color32) {
+    painter.circle_stroke(at, RADIUS, Stroke::new(3.0, Color32::from_black_alpha(110)));
+    painter.circle_stroke(at, RADIUS, Stroke::new(1.4, color));
+}
+
+/// Shows where the lights are that are selected in the list, and the one whose name is under the pointer there: a ring, weak behind
+/// something, and of a few the name.
+pub fn selected_ui(
+    ui: &Ui,
+    picture: &Response,
+    sight: &Sight,
+    look: &Look,
+    (lights, pointed): (&LightsState, Option<&str>),
+) {
+    let painter = ui.painter_at(picture.rect.intersect(sight.image));
+    let is_meant = |key: &str| lights.is_selected(key) || pointed == Some(key);
+    let sources = sight.scene.lighting.basis.sources.iter();
+    let sources = sources.filter(|source| is_meant(&source.key) && !look.lights.is_replaced(&source.key));
+    let of_file = sources.filter_map(|source| {
+        let has_mark = matches!(source.kind, SourceKind::Point | SourceKind::Spot) && lights.is_selected(&source.key);
+        Some((source.key.as_str(), source.origin.position?, has_mark))
+    });
+    // Lamps that were added have their handles.
+    let added = look.lights.lamps.iter().filter(|lamp| pointed == Some(lamp.key.as_str()));
+    let added = added.map(|lamp| (lamp.key.as_str(), lamp.position, false));
+    let places: Vec<(&str, Vec3, bool)> = of_file.chain(added).collect();
+    for &(key, place, has_mark) in &places {
+        let Some(at) = sight.seen_at(place).filter(|at| painter.clip_rect().contains(*at)) else { continue };
+        let (name, is_clear) = (look.name_of(key), is_seen(sight, place));
+        // A lamp that nothing hides has its mark already.
+        if !(is_clear && has_mark) {
+            ring(&painter, at, theme::ACCENT.gamma_multiply(if is_clear { 1.0 } else { WEAK }));
+            let rect = Rect::from_center_size(at, Vec2::splat(2.0 * REACH));
+            let id = Id::unique(("selected in the picture", key));
+            tell(ui.ctx(), id, (Role::Mark, &format!("{name} is here")), rect);
+        }
+        if places.len() <= MOST_NAMES || pointed == Some(key) {
+            name_tag(&painter, at, name);
+        }
+    }
+}
+
+/// A name beside a place, on a dark ground.
+fn name_tag(painter: &Painter, at: Pos2, name: &str) {
+    let galley = painter.layout_no_wrap(name.to_owned(), FontId::proportional(11.5), Color32::from_gray(230));
+    let place = Align2::LEFT_CENTER.anchor_size(at + vec2(REACH + 6.0, 0.0), galley.size());
+    painter.rect_filled(place.expand2(vec2(4.0, 2.0)), 3.0, Color32::from_black_alpha(150));
+    painter.galley(place.min, galley, Color32::WHITE);
 }
 
 /// Says the name of the shining surface under the pointer. Panels say more, elsewhere.

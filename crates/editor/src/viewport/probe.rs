@@ -2,8 +2,8 @@
 
 use clerestory_transport::light::luminance;
 use eframe::egui::{
-    self, Align2, Area, Color32, FontId, Frame, Id, Key, Order, Pos2, Rect, Response, RichText, Sense, Stroke, Ui,
-    Vec2, pos2, vec2,
+    self, Align2, Area, Color32, FontId, Frame, Id, Key, Order, Pos2, Rect, Response, RichText, ScrollArea, Sense,
+    Stroke, Ui, Vec2, pos2, vec2,
 };
 use glam::Vec3;
 
@@ -13,6 +13,7 @@ use crate::look::Look;
 use crate::panels::color::swatch_color;
 use crate::panels::lamps::Pick;
 use crate::panels::lights::LightsState;
+use crate::panels::shortcuts::{escapes, hears_keys};
 use crate::session::shares::{Share, sum};
 use crate::theme;
 
@@ -70,7 +71,11 @@ pub struct Readings {
 }
 
 /// Lights that are told by name in a breakdown; the others are told as a sum.
-const MOST_ROWS: usize = 8;
+const MOST_ROWS: usize = 300;
+/// How many of them are seen at once; the rest is scrolled to.
+const SEEN_ROWS: f32 = 8.0;
+/// Height of the row of a light, points.
+const ROW: f32 = 22.0;
 /// Part of the light up to which shares that noise made less than nothing are not spoken of.
 const MOST_NOISE: f32 = 0.05;
 /// Width of the breakdown, points.
@@ -163,8 +168,7 @@ pub fn follow(ui: &Ui, plates: &[Plate], probes: &mut Probes, is_free: bool) {
         probes.hover = hover;
         ui.ctx().request_repaint();
     }
-    let keys =
-        |key: Key| !ui.text_edit_focused() && ui.input(|input| input.modifiers.is_none() && input.key_pressed(key));
+    let keys = |key: Key| hears_keys(ui) && ui.input(|input| input.modifiers.is_none() && input.key_pressed(key));
     if let Some(px) = hover.filter(|_| keys(Key::P)) {
         probes.pin(px);
         ui.ctx().request_repaint();
@@ -175,7 +179,7 @@ pub fn follow(ui: &Ui, plates: &[Plate], probes: &mut Probes, is_free: bool) {
         probes.awaits_light = Some(Pick::of(ui.input(|input| input.modifiers)));
         ui.ctx().request_repaint();
     }
-    if plates.iter().any(|plate| plate.picture.double_clicked()) || keys(Key::Escape) {
+    if plates.iter().any(|plate| plate.picture.double_clicked()) || escapes(ui) {
         probes.picked = None;
     }
 }
@@ -287,11 +291,15 @@ fn breakdown_ui(
             let total = sum(shares);
             let lit = shares.iter().filter(|share| share.luminance() > 1e-4 * luminance(total).max(1e-9));
             let lit: Vec<&Share> = lit.collect();
-            for share in lit.iter().take(MOST_ROWS) {
-                let is_here = share.is_of_scene || look.lights.lamps.iter().any(|lamp| lamp.key == share.key);
-                let of = (look.name_of(&share.key), is_here, reading.unit);
-                share_ui(ui, share, luminance(total), of, lights);
-            }
+            let seen = SEEN_ROWS * (ROW + ui.spacing().item_spacing.y);
+            let rows = ScrollArea::vertical().id_salt("lights here").max_height(seen).min_scrolled_height(seen);
+            rows.auto_shrink([false, true]).show(ui, |ui| {
+                for share in lit.iter().take(MOST_ROWS) {
+                    let is_here = share.is_of_scene || look.lights.lamps.iter().any(|lamp| lamp.key == share.key);
+                    let of = (look.name_of(&share.key), is_here, reading.unit);
+                    share_ui(ui, share, luminance(total), of, lights);
+                }
+            });
             if lit.is_empty() {
                 ui.label(RichText::new("No light reaches this").weak());
             }
@@ -347,7 +355,7 @@ fn share_ui(
     (name, is_here, unit): (&str, bool, &str),
     lights: &mut LightsState,
 ) {
-    let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 22.0), Sense::click());
+    let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::click());
     let luminance = share.luminance();
     let value = in_unit(luminance, unit);
     let words = format!("{name} {} {value}", percent(luminance, total));

@@ -3,6 +3,7 @@
 use eframe::egui::{CursorIcon, Key, PointerButton, Pos2, Rect, Response, Stroke, StrokeKind, Ui, Vec2};
 
 use super::handles::Grab;
+use super::orbit::Navigation;
 use crate::theme;
 
 /// Part and size of the picture.
@@ -92,14 +93,26 @@ pub(super) fn part_seen(area: Rect, image: Rect) -> Option<[[f32; 2]; 2]> {
     (seen.is_positive() && seen != image).then(|| [share(seen.min), share(seen.max)])
 }
 
-/// Zoom with the wheel, or to a rectangle that is dragged with Z; pan with the middle button or space.
-pub(super) fn navigate(ui: &Ui, response: &Response, (zoom, grab): (&mut Zoom, &mut Option<Grab>), size: Vec2) {
+/// Zoom with the wheel, or to a rectangle that is dragged with Z; pan with the middle button or space, and by two fingers where
+/// these are the habit.
+pub(super) fn navigate(
+    ui: &Ui,
+    response: &Response,
+    (zoom, grab): (&mut Zoom, &mut Option<Grab>),
+    size: Vec2,
+    navigation: Navigation,
+) {
     let area = response.rect;
     // Handles of lamps lie over the picture and take the pointer, but not its wheel.
     let pointer = ui.ctx().pointer_hover_pos().filter(|_| ui.rect_contains_pointer(area));
     if let Some(pointer) = pointer {
-        let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
-        let factor = (scroll * ZOOM_PER_POINT).exp() * pinch;
+        let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta(), input.zoom_delta()));
+        let are_fingers = navigation == Navigation::Trackpad;
+        // All of the picture has nowhere to go.
+        if are_fingers && zoom.scale.is_some() && scroll != Vec2::ZERO {
+            zoom.pan(area, size, scroll);
+        }
+        let factor = if are_fingers { pinch } else { (scroll.y * ZOOM_PER_POINT).exp() * pinch };
         if factor != 1.0 {
             zoom.zoom_at(area, size, pointer, factor);
         }

@@ -1,13 +1,13 @@
 //! What rows, strips and cells of the panel read and write.
 
-use clerestory_transport::basis::LightBasis;
+use clerestory_transport::basis::{LightBasis, SourceKind};
 use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::{LightRig, LightSetting};
 use eframe::egui::Ui;
 
 use super::LightsState;
 use super::groups::Item;
-use super::listed::Listed;
+use super::listed::{LightOf, Listed};
 use super::scale::Measure;
 use crate::action::Action;
 use crate::look::Look;
@@ -41,10 +41,13 @@ impl Mix<'_> {
         if solo.is_empty() { self.look.lights.setting(key).muted } else { !solo.contains(key) }
     }
 
-    /// Whether something of a light is not as in the file. Free lamps are in no file.
+    /// Whether something of a light is not as in the file; of the sky, where and what it is as well. Free lamps are in no file.
     pub fn differs(&self, light: &Listed) -> bool {
         let lights = &self.look.lights;
-        lights.lights.get(&light.key) != self.file.lights.get(&light.key) || lights.panels.contains_key(&light.key)
+        let is_dome = matches!(&light.light, LightOf::Scene(source) if shines_from_dome(source.kind));
+        (is_dome && lights.sky != self.file.sky)
+            || lights.lights.get(&light.key) != self.file.lights.get(&light.key)
+            || lights.panels.contains_key(&light.key)
     }
 
     /// How a light's intensity is told.
@@ -65,6 +68,9 @@ impl Mix<'_> {
         }
         self.look.lights.set(key, self.file.own_setting(key));
         self.look.lights.panels.remove(key);
+        if self.basis.source(key).is_some_and(|source| shines_from_dome(source.kind)) {
+            self.look.lights.sky.clone_from(&self.file.sky);
+        }
     }
 
     /// Everything about all lights as in the file. Added lamps go with their names, which later ones may have.
@@ -87,4 +93,9 @@ impl Mix<'_> {
         let is_chosen = is_lamp && self.state.selection.has(key);
         self.state.choose_lamp(is_chosen.then(|| key.to_owned()));
     }
+}
+
+/// Whether a light is the sky that can be turned and exchanged.
+fn shines_from_dome(kind: SourceKind) -> bool {
+    matches!(kind, SourceKind::Dome { .. })
 }

@@ -165,6 +165,9 @@ fn name_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, width: f32) {
 /// What a name does wherever it stands: it is clicked, double-clicked, has a menu, and tells of its light.
 pub(super) fn light_response(ui: &Ui, mix: &mut Mix, light: &Listed, name: Response) {
     let name = name.on_hover_ui(|ui| _ = ui.label(about(mix, light)));
+    if name.hovered() {
+        mix.state.pointed = Some(light.key.clone());
+    }
     if name.has_focus() {
         ui.painter().rect_stroke(name.rect, 2.0, ui.visuals().selection.stroke, egui::StrokeKind::Outside);
     }

@@ -96,6 +96,19 @@ pub(super) fn toggle_mute(rig: &mut LightRig, keys: &[String]) {
     }
 }
 
+/// What the letters of a light's row do, for its menu in the picture.
+pub fn letters_menu(ui: &mut Ui, key: &str, rig: &mut LightRig, solo: &mut BTreeSet<String>) {
+    if ui.button("Solo this alone").clicked() {
+        *solo = [key.to_owned()].into();
+        ui.close();
+    }
+    let words = if rig.own_setting(key).muted { "Unmute" } else { "Mute" };
+    if ui.button(words).clicked() {
+        toggle_mute(rig, &[key.to_owned()]);
+        ui.close();
+    }
+}
+
 /// The banner at the top of the picture while a solo is on, with a button that clears it.
 pub fn solo_banner_ui(ui: &Ui, picture: Rect, look: &Look, solo: &mut BTreeSet<String>) {
     if solo.is_empty() {
