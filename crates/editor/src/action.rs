@@ -25,6 +25,8 @@ pub enum Action {
     OpenBuiltIn,
     /// Take over a look.
     OpenLook(PathBuf),
+    /// Add the looks of a file to those that there are.
+    AddLooks(PathBuf),
     /// Save the look.
     SaveLook(PathBuf),
     /// Save the look where it was saved last, else ask.
@@ -178,6 +180,8 @@ pub enum FileTask {
     OpenPictures,
     /// A look to open.
     OpenLook,
+    /// A file whose looks are added to those that there are.
+    AddLooks,
     /// A place for the look.
     SaveLook,
     /// A place for the picture.
@@ -209,6 +213,7 @@ impl FileTask {
             FileTask::OpenScene => "Open a scene",
             FileTask::OpenPictures => "Open a folder of pictures",
             FileTask::OpenLook => "Open a look",
+            FileTask::AddLooks => "Add the looks of a file",
             FileTask::SaveLook => "Save the look",
             FileTask::Export => "Export the picture",
             FileTask::ExportFrames => "Export the frames",
@@ -228,7 +233,7 @@ impl FileTask {
         match self {
             FileTask::OpenScene => ("glTF scenes and bakes", &["glb", "gltf", "transport"]),
             FileTask::OpenPictures => ("Folders", &[]),
-            FileTask::OpenLook | FileTask::SaveLook => ("Looks", &["look"]),
+            FileTask::OpenLook | FileTask::AddLooks | FileTask::SaveLook => ("Looks", &["look"]),
             FileTask::Export | FileTask::ExportFrames => ("Pictures", &["png", "exr"]),
             FileTask::SaveSheet => ("Pictures", &["png"]),
             FileTask::SaveBake => ("Bakes", &["transport"]),
@@ -307,6 +312,7 @@ impl FileTask {
             FileTask::OpenScene => dropped(path),
             FileTask::OpenPictures => Action::Open(path),
             FileTask::OpenLook => Action::OpenLook(path),
+            FileTask::AddLooks => Action::AddLooks(path),
             FileTask::SaveLook => Action::SaveLook(path),
             FileTask::Export => Action::ExportImage(path),
             FileTask::ExportFrames => Action::ExportFrames(path),

@@ -325,6 +325,7 @@ impl App {
             Action::Open(path) => self.unless_lost(Action::Open(path.clone()), |app| app.open(path)),
             Action::OpenBuiltIn => self.unless_lost(Action::OpenBuiltIn, |app| app.open_source(Source::BuiltIn)),
             Action::OpenLook(path) => self.unless_unsaved(Action::OpenLook(path.clone()), |app| app.open_look(path)),
+            Action::AddLooks(path) => self.add_looks(path),
             Action::SaveLook(path) => self.save_look(path),
             Action::SaveLookAgain => self.save_look_again(),
             Action::ExportImage(path) => self.export(path),

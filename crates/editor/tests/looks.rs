@@ -4,10 +4,11 @@
 
 mod desk;
 
+use clerestory::look::Look;
 use clerestory::look::snapshot::Mark;
 use clerestory::session::shares::sum;
 use clerestory::viewport::probe::Reading;
-use clerestory_transport::light::LightRig;
+use clerestory_transport::light::{LightRig, LightSetting};
 use eframe::egui::gui_zoom::kb_shortcuts::ZOOM_IN;
 use eframe::egui::{
     Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2, Rect, TouchPhase, ViewportCommand,
@@ -287,6 +288,26 @@ fn a_look_whose_folder_is_gone_is_asked_for_another_place() {
     window.run_steps(3);
     click(&mut window, "Save");
     assert!(other.exists());
+}
+
+#[test]
+fn looks_of_a_file_come_behind_those_that_there_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, mut other) = (folder.path().join("evening.look"), Look::default());
+    other.keep("Look");
+    other.lights.lights.insert("panel".into(), LightSetting { muted: true, ..LightSetting::default() });
+    other.save(&file).unwrap();
+    let mut window = two_looks();
+    let before = window.state().look().clone();
+    ask_for(&mut window, "Add from file…", &file);
+    click(&mut window, "Open");
+    wait(&mut window, |app| app.look().snapshots.len() == 4);
+    assert_eq!(names(&window), ["Look", "Look 2", "Look 3", "evening"]);
+    let look = window.state().look();
+    assert_eq!((&look.lights, &look.on), (&before.lights, &before.on), "the lights stay as they are");
+    assert!(look.snapshots[3].lights.lights["panel"].muted);
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), before, "one step");
 }
 
 #[test]

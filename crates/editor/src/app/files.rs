@@ -33,7 +33,8 @@ impl App {
         let unused = |after: &str| unused_name(task, &folder, stem, after);
         let own = self.look_path.clone().filter(|_| task == FileTask::SaveLook);
         let suggestion = match task {
-            FileTask::OpenScene | FileTask::OpenPictures | FileTask::OpenLook => String::new(),
+            FileTask::OpenScene | FileTask::OpenPictures => String::new(),
+            FileTask::OpenLook | FileTask::AddLooks => String::new(),
             FileTask::OpenProfile | FileTask::FindScene | FileTask::OpenTarget | FileTask::OpenSky => String::new(),
             FileTask::SaveSchedule => unused(".csv"),
             FileTask::SaveLook => own.as_ref().map_or_else(|| unused(".look"), |path| path.display().to_string()),

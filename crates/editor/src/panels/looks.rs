@@ -145,6 +145,11 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView
                 .on_hover_text("Looks made of what the scene has")
                 .on_disabled_hover_text(why);
         });
+        let hint = "Add the looks of a .look file to these; the lights stay as they are";
+        let add = ui.add_enabled(look.has_room(1), Button::new("Add from file…")).on_hover_text(hint);
+        if add.on_disabled_hover_text(FULL).clicked() {
+            actions.push(Action::Ask(FileTask::AddLooks));
+        }
         if !look.snapshots.is_empty() {
             ui.separator();
             tools_ui(ui, look, state);
