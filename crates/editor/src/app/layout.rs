@@ -196,6 +196,7 @@ impl App {
                 messages: &self.messages,
                 opening: self.session.is_opening(),
                 bake: &self.session.bake,
+                frames: self.session.frames(),
                 device: &device,
                 wish: self.follower.wish(),
                 size: self.follower.picture().map(|(_, size)| size),
