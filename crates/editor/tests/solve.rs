@@ -7,11 +7,13 @@ mod desk;
 use clerestory::app::{App, Start};
 use clerestory::look::Look;
 use clerestory::look::scene::PlaneChoice;
+use clerestory::look::wishes::Where;
+use clerestory::marks::Marks;
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory::solve::Solution;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use eframe::egui::{Key, Modifiers, Pos2, Rect, vec2};
+use eframe::egui::{Key, Modifiers, PointerButton, Pos2, Rect, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -277,6 +279,36 @@ fn what_was_found_can_be_left_and_wishes_removed() {
     window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
     window.run_steps(3);
     assert!(window.query_by_label("Remove Wish").is_some(), "undo brings a wish back");
+}
+
+#[test]
+fn the_place_of_a_wish_is_seen_again_and_can_be_another() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    mark(&mut window);
+    click(&mut window, "Add wish");
+    let marked = |window: &Window| -> Marks { (*window.state().look().marks.as_ref().unwrap().marks).clone() };
+    let wished = |window: &Window| match &window.state().look().wishes.list[0].place {
+        Where::Marked(marked) => (*marked.marks).clone(),
+        other => panic!("{other:?}"),
+    };
+    let first = marked(&window);
+    let mark_elsewhere = |window: &mut Window| {
+        let (from, to) = (place(window, 0.1, 0.1), place(window, 0.4, 0.4));
+        drag(window, from, to);
+    };
+    mark_elsewhere(&mut window);
+    let second = marked(&window);
+    assert!(second != first && wished(&window) == first);
+    click(&mut window, "Wish");
+    assert!(marked(&window) == first, "a click shows where it is");
+    mark_elsewhere(&mut window);
+    window.get_by_label("Wish").click_button(PointerButton::Secondary);
+    window.run_steps(4);
+    click(&mut window, "Use what is marked");
+    assert!(wished(&window) == second);
+    click(&mut window, "Undo");
+    assert!(wished(&window) == first, "one step");
 }
 
 #[test]

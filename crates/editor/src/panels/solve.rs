@@ -7,6 +7,7 @@ use eframe::egui::{
 
 use super::display::tone_name;
 use super::measure::{LuxBake, missing_ui, tools_ui};
+use super::menu::context_menu;
 use super::number::{Number, before_drag};
 use super::sight::keep_in_sight;
 use crate::action::{Action, FileTask};
@@ -34,6 +35,8 @@ pub enum Kind {
 
 /// Said where a look holds as many wishes as it can.
 const FULL: &str = "There are as many wishes as a look holds; remove one first";
+/// Said where a wish cannot have what is marked for its place.
+const NOT_TO_BE_MOVED: &str = "Mark another part of the picture first, no larger than a look holds";
 
 /// Kinds with their name, unit, a value to start with, and a hint.
 const KINDS: [(Kind, &str, &str, f64, &str); 4] = [
@@ -112,7 +115,7 @@ pub fn solve_ui(
         tools_ui(ui, marking, view.has_scene);
         kind_ui(ui, state);
         new_wish_ui(ui, (state, wishes), marking, view, actions);
-        wishes_ui(ui, wishes, &view.here);
+        wishes_ui(ui, wishes, marking, &view.here);
         limits_ui(ui, wishes, view);
         ui.add_space(4.0);
         run_ui(ui, wishes, view, actions);
@@ -189,8 +192,8 @@ fn new_wish_ui(
 }
 
 /// Each wish has a line for its name and one for what is wanted, so that a narrow panel has room for both.
-fn wishes_ui(ui: &mut Ui, wishes: &mut Wishes, here: &Here) {
-    let mut gone = None;
+fn wishes_ui(ui: &mut Ui, wishes: &mut Wishes, marking: &mut Marking, here: &Here) {
+    let (mut gone, mut moved, n_left) = (None, None, wishes.n_left());
     for (idx, wish) in wishes.list.iter_mut().enumerate() {
         ui.push_id(idx, |ui| {
             let right_to_left = egui::Layout::right_to_left(egui::Align::Center);
@@ -202,7 +205,9 @@ fn wishes_ui(ui: &mut Ui, wishes: &mut Wishes, here: &Here) {
                     gone = Some(idx);
                 }
                 let left_to_right = egui::Layout::left_to_right(egui::Align::Center);
-                ui.with_layout(left_to_right, |ui| ui.add(egui::Label::new(&wish.name).truncate()));
+                if ui.with_layout(left_to_right, |ui| name_ui(ui, wish, marking, here, n_left)).inner {
+                    moved = Some(idx);
+                }
             });
             ui.horizontal_wrapped(|ui| wanted_ui(ui, wish, here));
             if let Some(words) = here.misfit(wish) {
@@ -211,9 +216,40 @@ fn wishes_ui(ui: &mut Ui, wishes: &mut Wishes, here: &Here) {
             }
         });
     }
+    if let (Some(idx), Some(marks), Some(framing)) = (moved, marking.marks(), &here.framing) {
+        wishes.list[idx].place = Where::Marked(Marked { framing: framing.clone(), marks: marks.clone() });
+    }
     if let Some(gone) = gone {
         wishes.list.remove(gone);
     }
+}
+
+/// The name of a wish. A click marks its place in the picture again; answers whether what is marked is to be its place.
+fn name_ui(ui: &mut Ui, wish: &Entry, marking: &mut Marking, here: &Here, n_left: usize) -> bool {
+    let Where::Marked(marked) = &wish.place else {
+        ui.add(egui::Label::new(&wish.name).truncate());
+        return false;
+    };
+    let shown = here.framing.as_ref().filter(|shown| marked.framing.fits(shown));
+    let is_marked = shown.is_some() && marking.marks() == Some(&marked.marks);
+    let hint = if shown.is_some() { "Click to see its place in the picture" } else { "Its place is in another view" };
+    let name = ui.add(Button::selectable(is_marked, &wish.name).truncate());
+    let name = name.on_hover_text(format!("{hint}\nRight-click or menu key for another place"));
+    if let (true, Some(shown)) = (name.clicked(), shown) {
+        marking.marks = marked.on(shown);
+    }
+    let n_room = n_left.saturating_add(wish.n_marked());
+    let can_move = !is_marked && marking.marks().is_some_and(|marks| marks.pixels().len() <= n_room);
+    let mut is_moved = false;
+    context_menu(&name, |ui| {
+        let hint = "What is marked in the picture now becomes the place of this wish";
+        let button = ui.add_enabled(can_move, Button::new("Use what is marked")).on_hover_text(hint);
+        if button.on_disabled_hover_text(NOT_TO_BE_MOVED).clicked() {
+            is_moved = true;
+            ui.close();
+        }
+    });
+    is_moved
 }
 
 /// What a wish wants, and how much it counts.
