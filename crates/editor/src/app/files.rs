@@ -22,6 +22,16 @@ fn unused_name(task: FileTask, folder: &Path, stem: &str, after: &str) -> String
     names.find(|name| !task.replaces(&folder.join(name))).unwrap_or(plain)
 }
 
+/// What the window is called: its scene, the file of its look, and a dot before what is not saved.
+fn title_of(scene: &str, look: Option<&Path>, is_unsaved: bool) -> String {
+    if scene.is_empty() {
+        return "Clerestory".into();
+    }
+    let mark = if is_unsaved { "• " } else { "" };
+    let look = look.and_then(Path::file_name).map_or_else(String::new, |name| format!(", {}", name.display()));
+    format!("{mark}{scene}{look} – Clerestory")
+}
+
 impl App {
     pub(super) fn ask(&mut self, task: FileTask) {
         if task.writes_pictures() && (self.lacks_picture() || self.is_too_coarse()) {
@@ -120,11 +130,23 @@ impl App {
 
     pub(super) fn set_title(&mut self, ctx: &Context) {
         let name = self.session.opened.as_ref().map_or("", |opened| opened.name.as_str());
-        let mark = if self.is_unsaved() { "• " } else { "" };
-        let title = if name.is_empty() { "Clerestory".into() } else { format!("{mark}{name} – Clerestory") };
+        let title = title_of(name, self.look_path.as_deref(), self.is_unsaved());
         if title != self.title {
             ctx.send_viewport_cmd(ViewportCommand::Title(title.clone()));
             self.title = title;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_window_is_called_by_its_scene_and_the_file_of_its_look() {
+        let look = Some(Path::new("/looks/evening.look"));
+        assert_eq!(title_of("", look, true), "Clerestory");
+        assert_eq!(title_of("hall.glb", None, false), "hall.glb – Clerestory");
+        assert_eq!(title_of("hall.glb", look, true), "• hall.glb, evening.look – Clerestory");
     }
 }

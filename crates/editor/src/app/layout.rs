@@ -182,7 +182,7 @@ impl App {
                 can_redo: self.steps.can_redo(),
                 has_picture: self.follower.picture().is_some(),
                 is_unsaved: self.is_unsaved(),
-                has_look_file: self.look_path.is_some(),
+                look_file: self.look_path.as_deref(),
                 recent: &self.recent,
             };
             toolbar_ui(ui, &state, &mut self.actions);
