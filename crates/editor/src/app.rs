@@ -11,6 +11,7 @@ mod follow;
 mod habits;
 mod heat;
 mod host;
+mod icon;
 mod isolux;
 mod lamplight;
 mod lamps;

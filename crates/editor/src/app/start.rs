@@ -9,6 +9,7 @@ use eframe::egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use eframe::wgpu;
 
 use super::host::run_windows;
+use super::icon::icon;
 use super::recovery;
 use crate::bake_cache::BakeCache;
 use crate::crash;
@@ -64,6 +65,7 @@ fn options() -> eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
             .with_title("Clerestory")
             .with_app_id("clerestory")
+            .with_icon(icon())
             .with_inner_size([1440.0, 900.0])
             .with_min_inner_size([900.0, 600.0])
             .with_drag_and_drop(true),
