@@ -114,6 +114,8 @@ pub enum Action {
     BakeIlluminance,
     /// Write the table of lamps.
     SaveSchedule(PathBuf),
+    /// Write what the points of the sensor grids read.
+    SaveValues(PathBuf),
     /// Let the next click say what the chosen lamp is to light, or no longer.
     AimLamp,
     /// Light the scene as a snapshot says, counted from 0.
@@ -204,6 +206,8 @@ pub enum FileTask {
     OpenSky,
     /// A place for the table of lamps.
     SaveSchedule,
+    /// A place for the table of sensors.
+    SaveValues,
 }
 
 impl FileTask {
@@ -225,6 +229,7 @@ impl FileTask {
             FileTask::OpenTarget => "Open a picture to match",
             FileTask::OpenSky => "Open a picture of the sky",
             FileTask::SaveSchedule => "Save the schedule of lamps",
+            FileTask::SaveValues => "Save the values of the sensors",
         }
     }
 
@@ -241,7 +246,7 @@ impl FileTask {
             FileTask::FindScene | FileTask::ExportGltf => ("glTF scenes", &["glb", "gltf"]),
             FileTask::OpenTarget => ("Pictures", &["exr", "hdr", "png", "jpg", "jpeg"]),
             FileTask::OpenSky => ("Pictures of all directions", SKY_EXTENSIONS),
-            FileTask::SaveSchedule => ("Tables", &["csv"]),
+            FileTask::SaveSchedule | FileTask::SaveValues => ("Tables", &["csv"]),
         }
     }
 
@@ -261,6 +266,7 @@ impl FileTask {
                 | FileTask::SaveSheet
                 | FileTask::SaveBake
                 | FileTask::SaveSchedule
+                | FileTask::SaveValues
         )
     }
 
@@ -283,7 +289,8 @@ impl FileTask {
     }
 
     fn has_ending(self, path: &Path) -> bool {
-        let is_single = matches!(self, FileTask::SaveLook | FileTask::SaveBake | FileTask::SaveSchedule);
+        let is_single =
+            matches!(self, FileTask::SaveLook | FileTask::SaveBake | FileTask::SaveSchedule | FileTask::SaveValues);
         let is_own = |own: &OsStr| self.extensions().1.iter().any(|ending| own.eq_ignore_ascii_case(ending));
         path.extension().is_some_and(|own| !is_single || is_own(own) || path.is_file())
     }
@@ -324,6 +331,7 @@ impl FileTask {
             FileTask::OpenTarget => Action::MatchPicture(path),
             FileTask::OpenSky => Action::UseSky(path),
             FileTask::SaveSchedule => Action::SaveSchedule(path),
+            FileTask::SaveValues => Action::SaveValues(path),
         }
     }
 }

@@ -373,6 +373,7 @@ impl App {
             Action::MatchPicture(path) => self.match_picture(path),
             Action::BakeIlluminance => self.bake_illuminance(),
             Action::SaveSchedule(path) => self.save_schedule(&path),
+            Action::SaveValues(path) => self.save_values(&path),
             Action::UseScene(path) => self.session.find_scene(path),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),

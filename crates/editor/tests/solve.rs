@@ -451,6 +451,13 @@ fn a_work_plane_on_a_marked_floor_is_baked_and_tells_its_uniformity() {
     assert!(window.query_all_by_label(grid).count() > 0);
     // One U0 for what is marked, one for the plane.
     assert_eq!(window.query_all_by_label("U0").count(), 2);
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("lux.csv");
+    save_as(&mut window, "Save values…", &table);
+    let table = std::fs::read_to_string(table).unwrap();
+    let is_point = |line: &str| line.starts_with(&format!("{grid},")) && line.split(',').count() == 5;
+    assert!(table.starts_with("grid,x,y,z,lux\n") && table.lines().skip(1).all(is_point), "{table}");
+    assert!(table.lines().count() > 4, "{table}");
     click(&mut window, "Work plane");
     assert_eq!(window.state().settings().work_plane, None);
 }

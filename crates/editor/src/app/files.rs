@@ -47,6 +47,7 @@ impl App {
             FileTask::OpenLook | FileTask::AddLooks => String::new(),
             FileTask::OpenProfile | FileTask::FindScene | FileTask::OpenTarget | FileTask::OpenSky => String::new(),
             FileTask::SaveSchedule => unused(".csv"),
+            FileTask::SaveValues => unused("-lux.csv"),
             FileTask::SaveLook => own.as_ref().map_or_else(|| unused(".look"), |path| path.display().to_string()),
             FileTask::Export => unused(".png"),
             FileTask::SaveSheet => unused("-looks.png"),

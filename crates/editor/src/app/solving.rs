@@ -11,10 +11,11 @@ use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sensors::node_floor_area_m2;
 use eframe::egui::Ui;
+use glam::Vec3;
 
 use super::App;
 use super::floor::SceneFloor;
-use crate::illuminance::{LuxFigures, of_grid, of_marks};
+use crate::illuminance::{LuxFigures, of_grid, of_marks, write_points};
 use crate::look::Look;
 use crate::look::wishes::{Wanted, Where};
 use crate::marks::{Framing, Kin, Marks, Seen};
@@ -96,10 +97,15 @@ struct Measured {
     by_area: bool,
 }
 
+/// Places and their lux.
+type Points = Vec<(Vec3, f32)>;
+
 #[derive(Clone, Default)]
 struct Figures {
     marked: Option<LuxFigures>,
     grids: Vec<(String, LuxFigures)>,
+    /// Of the same grids the points, meters and lux.
+    points: Arc<Vec<(String, Points)>>,
     /// Which lamps do not count, and why.
     left_out: Option<String>,
 }
@@ -302,11 +308,13 @@ impl App {
                 let light = (&of.rig, &added);
                 let marked =
                     of.marks.as_ref().map(|marks| of_marks(&bake, light, marks, seen.as_deref())).transpose()?;
-                let grid = |(set, grid)| -> anyhow::Result<(String, LuxFigures)> {
-                    let points = of_grid(&bake, (set, grid), light)?;
-                    Ok((grid.name.clone(), LuxFigures::of(points.iter().map(|(_, lux)| (f64::from(*lux), 1.0)))))
-                };
-                Ok(Figures { marked, grids: bake.grids().map(grid).collect::<anyhow::Result<_>>()?, left_out })
+                let points = bake.grids().map(|(set, grid)| -> anyhow::Result<(String, Points)> {
+                    Ok((grid.name.clone(), of_grid(&bake, (set, grid), light)?))
+                });
+                let points = points.collect::<anyhow::Result<Vec<_>>>()?;
+                let figures = |points: &Points| LuxFigures::of(points.iter().map(|(_, lux)| (f64::from(*lux), 1.0)));
+                let grids = points.iter().map(|(name, points)| (name.clone(), figures(points))).collect();
+                Ok(Figures { marked, grids, points: Arc::new(points), left_out })
             };
             let figures = figures().map_err(|error| in_words(&error));
             (of, figures)
@@ -461,6 +469,18 @@ impl App {
                 };
                 self.say(format!("Saved {}{untold}", path.display()));
             }
+            Err(error) => self.complain(in_words(&error)),
+        }
+    }
+
+    /// Writes what the points of the sensor grids read, as it was measured last.
+    pub(super) fn save_values(&mut self, path: &Path) {
+        let Some(points) = self.solving.measured.as_ref().map(|(_, figures)| figures.points.clone()) else {
+            return self.complain("no sensors were read yet; wait for the bake, or lay a work plane and bake it");
+        };
+        let grids = points.iter().map(|(name, points)| (name.as_str(), &points[..]));
+        match PendingFile::create(path).and_then(|place| place.commit(|writer| write_points(writer, grids))) {
+            Ok(()) => self.say(format!("Saved {}", path.display())),
             Err(error) => self.complain(in_words(&error)),
         }
     }
