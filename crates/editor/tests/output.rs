@@ -54,6 +54,9 @@ fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
     assert_eq!(header.shared_attributes.display_window.size.0, 64);
     let part = read_exr(&path).unwrap();
     assert_eq!((part.width, part.height), (4, 48));
+    click(&mut window, "Export…");
+    let suggested = window.get_by_label("Path").accesskit_node().value();
+    assert_eq!(suggested.as_deref(), Some("room.exr"), "the kind that was written last");
 }
 
 #[test]

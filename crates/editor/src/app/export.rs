@@ -7,6 +7,7 @@ use eframe::egui::{ColorImage, Context};
 
 use super::App;
 use crate::action::FileTask;
+use crate::export::ImageFormat;
 use crate::export::layers::LayerSet;
 use crate::look::Look;
 use crate::panels::export::{ExportView, export_ui, frames_ui};
@@ -64,6 +65,7 @@ impl App {
             return;
         }
         self.say_begun(format!("Writing {}", path.display()));
+        self.export.format = ImageFormat::of(&path).unwrap_or_default();
         let (mut look, light) = (self.seen_look(), self.follower.final_lamp_light().cloned());
         if let Some(basis) = self.session.basis().filter(|_| self.export.layers == LayerSet::Groups) {
             look = crate::panels::lights::with_groups(basis, look, self.lights.layout.group_by);

@@ -49,7 +49,7 @@ impl App {
             FileTask::SaveSchedule => unused(".csv"),
             FileTask::SaveValues => unused("-lux.csv"),
             FileTask::SaveLook => own.as_ref().map_or_else(|| unused(".look"), |path| path.display().to_string()),
-            FileTask::Export => unused(".png"),
+            FileTask::Export => unused(self.export.format.ending()),
             FileTask::SaveSheet => unused("-looks.png"),
             // A name with # of its own has two places for digits.
             FileTask::ExportFrames => unused_name(task, &folder, &stem.replace('#', "-"), "_####.png"),
