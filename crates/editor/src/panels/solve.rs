@@ -8,9 +8,10 @@ use eframe::egui::{
 use super::display::tone_name;
 use super::measure::{LuxBake, missing_ui, tools_ui};
 use super::menu::context_menu;
-use super::number::{Number, before_drag};
+use super::number::{Number, before_drag, number_of};
 use super::sight::keep_in_sight;
 use crate::action::{Action, FileTask};
+use crate::illuminance::FOOT_CANDLE_LX;
 use crate::look::Look;
 use crate::look::wishes::{CURVES, Entry, Wanted, Where, Wishes};
 use crate::marks::Marked;
@@ -146,9 +147,21 @@ fn kind_ui(ui: &mut Ui, state: &mut SolveState) {
         if state.kind != Kind::Keep {
             let speed = (0.01 * state.value).max(0.01);
             let value = Number::new(&mut state.value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
+            let (value, hint) = match state.kind {
+                Kind::Lux => (value.read(lux_of), format!("{hint}; {FOOT_CANDLES}")),
+                _ => (value, hint.to_owned()),
+            };
             ui.add(value).on_hover_text(hint).accessible_name("Wanted");
         }
     });
+}
+
+/// Said where lux are typed.
+const FOOT_CANDLES: &str = "foot-candles may be typed, as “50 fc”";
+
+/// Illuminance that was typed, in lux.
+fn lux_of(text: &str) -> Option<f64> {
+    number_of(text, " lx").or_else(|| number_of(text, " fc").map(|foot_candles| foot_candles * FOOT_CANDLE_LX))
 }
 
 fn new_wish_ui(
@@ -254,7 +267,7 @@ fn name_ui(ui: &mut Ui, wish: &Entry, marking: &mut Marking, here: &Here, n_left
 
 /// What a wish wants, and how much it counts.
 fn wanted_ui(ui: &mut Ui, wish: &mut Entry, here: &Here) {
-    let name = format!("{} wanted", wish.name);
+    let (name, is_lux) = (format!("{} wanted", wish.name), matches!(wish.wanted, Wanted::Lux(_)));
     let (value, unit) = match &mut wish.wanted {
         Wanted::Lux(lux) => (Some(lux), " lx"),
         Wanted::Luminance(nit) => (Some(nit), " cd/m²"),
@@ -274,6 +287,7 @@ fn wanted_ui(ui: &mut Ui, wish: &mut Entry, here: &Here) {
             let drag = Number::new(value).range(0.0..=1e6).leaves_what_is_outside().speed(speed).suffix(unit);
             let drag = drag.max_decimals(2);
             let tip = format!("What is wanted there{}{}", if unit.is_empty() { "" } else { ", in" }, unit);
+            let (drag, tip) = if is_lux { (drag.read(lux_of), format!("{tip}; {FOOT_CANDLES}")) } else { (drag, tip) };
             ui.add(drag).on_hover_text(tip).accessible_name(name);
         }
         None if unit.is_empty() => {}
@@ -425,5 +439,17 @@ fn solution_ui(ui: &mut Ui, state: &mut SolveState, look: &Look, actions: &mut V
     });
     if std::mem::take(&mut state.is_news) {
         answers.response.scroll_to_me(None);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn illuminance_is_typed_in_lux_or_foot_candles() {
+        assert_eq!(["500", "500 lx", "1,5 lx"].map(lux_of), [500.0, 500.0, 1.5].map(Some));
+        assert_eq!(["50 fc", "50fc"].map(lux_of), [Some(50.0 * FOOT_CANDLE_LX); 2]);
+        assert_eq!(["fc", "50 cd", ""].map(lux_of), [None; 3]);
     }
 }
