@@ -299,7 +299,8 @@ fn looks_of_a_file_come_behind_those_that_there_are() {
     other.save(&file).unwrap();
     let mut window = two_looks();
     let before = window.state().look().clone();
-    ask_for(&mut window, "Add from file…", &file);
+    click(&mut window, "Presets");
+    ask_for(&mut window, "Looks of a file…", &file);
     click(&mut window, "Open");
     wait(&mut window, |app| app.look().snapshots.len() == 4);
     assert_eq!(names(&window), ["Look", "Look 2", "Look 3", "evening"]);
