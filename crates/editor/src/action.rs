@@ -39,6 +39,8 @@ pub enum Action {
     SaveBake(PathBuf),
     /// Bake with the settings of the bake panel.
     StartBake,
+    /// The same by its key: what was stopped goes on, and what runs like that is not begun again.
+    BakeByKey,
     /// Open the file again that changed on disk, with the look as it is.
     Reload,
     /// Go on with the bake that was stopped.

@@ -333,6 +333,7 @@ impl App {
             Action::CopyImage => self.copy_image(),
             Action::SaveBake(path) => self.session.save_bake(path),
             Action::StartBake => self.bake_as_asked(),
+            Action::BakeByKey => self.bake_by_key(),
             Action::BakePatches => {
                 self.settings.config.patches = self.settings.config.patches.max(DEFAULT_PATCHES);
                 self.bake_as_asked();

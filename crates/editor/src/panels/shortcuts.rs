@@ -71,7 +71,7 @@ pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
     take(&SAVE_AS, Action::Ask(FileTask::SaveLook));
     take(&SAVE, Action::SaveLookAgain);
     take(&EXPORT, Action::Ask(FileTask::Export));
-    take(&BAKE, Action::StartBake);
+    take(&BAKE, Action::BakeByKey);
     if ctx.text_edit_focused() {
         return;
     }
@@ -155,7 +155,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (keys(&SAVE_AS), "Save the look under another name"),
         (keys(&EXPORT), "Export the picture"),
         (keys(&COPY), "Copy the picture"),
-        (keys(&BAKE), "Start the bake"),
+        (keys(&BAKE), "Start the bake, or go on with it"),
         (keys(&UNDO), "Undo"),
         (format!("{} or {}", keys(&REDO), keys(&REDO_TOO)), "Redo"),
         (format!("{} to {}", keys(&look_keys(0)), keys(&look_keys(WITH_KEY - 1))), "Take over a look by its number"),
