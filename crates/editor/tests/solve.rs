@@ -264,6 +264,11 @@ fn what_was_found_can_be_left_and_wishes_removed() {
     click(&mut window, "Add wish");
     click(&mut window, "Solve");
     wait(&mut window, |app| app.solution().is_some());
+    let outdated = "The wishes have changed since; solve again";
+    assert!(window.query_by_label(outdated).is_none());
+    window.get_by_label("Wish wanted").set_value_accesskit(123.0);
+    window.run_steps(3);
+    window.get_by_label(outdated);
     // The board leaves the least room for the settings.
     click(&mut window, "Board");
     window.run_steps(8);

@@ -17,7 +17,7 @@ use super::App;
 use super::floor::SceneFloor;
 use crate::illuminance::{LuxFigures, of_grid, of_marks, write_points};
 use crate::look::Look;
-use crate::look::wishes::{Wanted, Where};
+use crate::look::wishes::{Wanted, Where, Wishes};
 use crate::marks::{Framing, Kin, Marks, Seen};
 use crate::output::PendingFile;
 use crate::panels::lights::heard;
@@ -63,8 +63,9 @@ pub(super) struct Solving {
     reading: Aside<(PathBuf, Reading, Result<TargetPicture, String>)>,
     /// Pictures of wishes, by their files.
     pictures: Pictures,
-    /// The lights as they were when solving began.
+    /// The lights as they were when solving began, and the wishes.
     solved_from: LightRig,
+    solved_for: Wishes,
 }
 
 /// What a picture is read for.
@@ -139,6 +140,7 @@ impl Solving {
             reading: Aside::default(),
             pictures: Pictures::new(),
             solved_from: LightRig::default(),
+            solved_for: Wishes::default(),
         }
     }
 
@@ -353,7 +355,7 @@ impl App {
         let lamps = lamps.unwrap_or_default();
         let seen = self.solving.seen(View::of(&self.session).as_ref());
         let scene = Scene { bake: shown.bake(), rig: rig.clone(), lamps, seen };
-        self.solving.solved_from = rig;
+        (self.solving.solved_from, self.solving.solved_for) = (rig, self.look.wishes.clone());
         let started = self
             .solving
             .solving
@@ -547,6 +549,7 @@ impl App {
                 () if self.solving.solving.is_busy() => Some("Looking for the lights"),
                 () => None,
             },
+            is_outdated: self.look.wishes != self.solving.solved_for,
             is_soloed: !self.lights.solo.is_empty(),
             here: here(&self.session, &self.solving.pictures),
             lux_bake,

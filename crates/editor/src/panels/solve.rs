@@ -80,6 +80,8 @@ pub struct SolveView<'a> {
     pub lights: Vec<String>,
     /// What a solution that was asked for waits for.
     pub busy: Option<&'static str>,
+    /// Whether what was found is for other wishes than there are now.
+    pub is_outdated: bool,
     /// Whether a solo darkens lights: what they bring is not known then.
     pub is_soloed: bool,
     /// What wishes are about.
@@ -123,7 +125,7 @@ pub fn solve_ui(
         if let Some(problem) = &state.problem {
             ui.colored_label(ui.visuals().error_fg_color, view.look.renamed(problem));
         }
-        solution_ui(ui, state, view.look, actions);
+        solution_ui(ui, state, view, actions);
     });
 }
 
@@ -408,8 +410,8 @@ fn run_ui(ui: &mut Ui, wishes: &Wishes, view: &SolveView, actions: &mut Vec<Acti
     });
 }
 
-fn solution_ui(ui: &mut Ui, state: &mut SolveState, look: &Look, actions: &mut Vec<Action>) {
-    let Some(solution) = &state.solution else { return };
+fn solution_ui(ui: &mut Ui, state: &mut SolveState, view: &SolveView, actions: &mut Vec<Action>) {
+    let (Some(solution), look) = (&state.solution, view.look) else { return };
     ui.add_space(4.0);
     for outcome in &solution.outcomes {
         let tone = if outcome.is_met { ui.visuals().text_color() } else { ui.visuals().warn_fg_color };
@@ -417,6 +419,10 @@ fn solution_ui(ui: &mut Ui, state: &mut SolveState, look: &Look, actions: &mut V
     }
     ui.label(RichText::new(format!("Residual {:.2} %", 100.0 * solution.misfit)).weak())
         .on_hover_text("Root mean square of how far the wishes are missed");
+    if view.is_outdated {
+        let words = RichText::new("The wishes have changed since; solve again").color(ui.visuals().warn_fg_color);
+        ui.label(words).on_hover_text("These lights are for the wishes as they were");
+    }
     let changed: Vec<_> = solution.changes.iter().filter(|change| change.is_change()).collect();
     let title = format!("{} of {} lights change", changed.len(), solution.changes.len());
     CollapsingHeader::new(title).id_salt("changes").show(ui, |ui| {
