@@ -75,6 +75,7 @@ use probe::Prober;
 use recovery::Recovery;
 use sides::Sides;
 use solving::Solving;
+use start::with_its_scene;
 pub use start::{Start, run};
 use typing::Typing;
 use undo::Steps;
@@ -168,7 +169,8 @@ impl App {
         if cc.storage.is_none_or(|storage| storage.get_string(RECENT_KEY).is_none()) {
             cc.egui_ctx.set_theme(ThemePreference::Dark);
         }
-        let recent = left(cc, RECENT_KEY);
+        let recent: Vec<PathBuf> = left(cc, RECENT_KEY);
+        let (source, look) = with_its_scene(start.source, &recent);
         let was_welcomed = cc.storage.is_some_and(|storage| storage.get_string(WELCOMED_KEY).is_some());
         let lights = LightsState::new(left(cc, LIGHTS_KEY));
         let habits = left::<BakeHabits>(cc, BAKE_KEY).within_reason();
@@ -178,8 +180,8 @@ impl App {
         session.cache = start.cache;
         session.memory_limit = left(cc, MEMORY_KEY);
         let choices = Choices::new(left(cc, CHOICES_KEY));
-        let chosen = choices.kept.of(&start.source);
-        session.open_with(start.source, chosen);
+        let chosen = choices.kept.of(&source);
+        session.open_with(source, chosen);
         let (recovery, problem) = Recovery::start(start.unsaved.as_deref());
         let mut messages = Messages::default();
         problem.into_iter().for_each(|words| messages.push(words, MessageTone::Problem));
@@ -213,7 +215,7 @@ impl App {
             daylight: Daylight::new(wake.clone()),
             camera: CameraDesk::start(cc, wake)?,
             choices,
-            actions: Vec::new(),
+            actions: look.map(Action::OpenLook).into_iter().collect(),
             question: None,
             dialogs: start.dialogs,
             unsaved: None,

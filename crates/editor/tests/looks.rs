@@ -6,6 +6,7 @@ mod desk;
 
 use clerestory::look::Look;
 use clerestory::look::snapshot::Mark;
+use clerestory::session::BakeState;
 use clerestory::session::shares::sum;
 use clerestory::viewport::probe::Reading;
 use clerestory_transport::light::{LightRig, LightSetting};
@@ -16,7 +17,7 @@ use eframe::egui::{
 };
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Window, ask_for, baked, click, drag, save_as, wait};
+use desk::{Dropped, Kept, Window, ask_for, baked, click, drag, open_again, room, save_as, wait};
 
 fn names(window: &Window) -> Vec<&str> {
     window.state().look().snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect()
@@ -309,6 +310,24 @@ fn looks_of_a_file_come_behind_those_that_there_are() {
     assert!(look.snapshots[3].lights.lights["panel"].muted);
     click(&mut window, "Undo");
     assert_eq!(*window.state().look(), before, "one step");
+}
+
+#[test]
+fn a_look_that_is_opened_first_goes_with_the_scene_that_was_open_last() {
+    let folder = tempfile::tempdir().unwrap();
+    let [scene, file] = ["room.gltf", "evening.look"].map(|name| folder.path().join(name));
+    std::fs::write(&scene, room()).unwrap();
+    let mut look = Look::default();
+    look.lights.lights.insert("panel".into(), LightSetting { muted: true, ..LightSetting::default() });
+    look.save(&file).unwrap();
+    let mut window = open_again(&scene, Kept::default());
+    wait(&mut window, |app| app.session().bake == BakeState::Done);
+    let kept = Kept::by(&mut window);
+    drop(window);
+    let mut window = open_again(&file, kept);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.look().lights.lights.contains_key("panel"));
+    assert!(window.state().look().lights.lights["panel"].muted);
+    window.get_by_label("Mute panel");
 }
 
 #[test]

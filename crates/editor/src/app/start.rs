@@ -11,6 +11,7 @@ use eframe::wgpu;
 use super::host::run_windows;
 use super::icon::icon;
 use super::recovery;
+use crate::action::{Action, dropped};
 use crate::bake_cache::BakeCache;
 use crate::crash;
 use crate::panels::dialogs::FileDialogs;
@@ -37,6 +38,18 @@ impl Start {
     /// With nothing of the user's: no folders and no dialogs of the desktop.
     pub fn alone(source: Source, settings: Option<BakeSettings>) -> Start {
         Start { source, settings, unsaved: None, cache: None, dialogs: FileDialogs::FieldOnly, welcome: false }
+    }
+}
+
+/// What is opened first, and the look that it is lit by: one that is opened alone goes with the scene that was open last, where that is
+/// still there.
+pub(super) fn with_its_scene(source: Source, recent: &[PathBuf]) -> (Source, Option<PathBuf>) {
+    match source {
+        Source::File(path) if matches!(dropped(path.clone()), Action::OpenLook(_)) => {
+            let last = recent.iter().find(|scene| scene.exists()).cloned();
+            (last.map_or(Source::BuiltIn, Source::File), Some(path))
+        }
+        source => (source, None),
     }
 }
 
