@@ -162,6 +162,10 @@ pub enum Action {
     TogglePanel(Side),
     /// Show or hide the list of keyboard shortcuts.
     ToggleShortcuts,
+    /// Fill the screen with the window, or no longer.
+    ToggleFullScreen,
+    /// Close the window; what would be lost is asked about first.
+    CloseWindow,
     /// Close the window, whatever was not saved.
     Quit,
 }

@@ -42,7 +42,7 @@ use anyhow::Result;
 use clerestory_relight::Gpu;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::patches::DEFAULT_PATCHES;
-use eframe::egui::{Context, Rect, SurrenderFocusOn, ThemePreference, Ui};
+use eframe::egui::{Context, Rect, SurrenderFocusOn, ThemePreference, Ui, ViewportCommand};
 use eframe::{CreationContext, Storage};
 use serde::de::DeserializeOwned;
 
@@ -65,6 +65,7 @@ use follow::Follower;
 use habits::BakeHabits;
 pub use host::WindowLost;
 use isolux::IsoluxDesk;
+use layout::toggle_full_screen;
 use look_files::LookFiles;
 use looks::Prints;
 use losing::Losing;
@@ -393,6 +394,8 @@ impl App {
             Action::TogglePanels => self.is_bare = !self.is_bare,
             Action::TogglePanel(side) => self.toggle_panel(ctx, side),
             Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
+            Action::ToggleFullScreen => toggle_full_screen(ctx),
+            Action::CloseWindow => ctx.send_viewport_cmd(ViewportCommand::Close),
             Action::Quit => self.quit(ctx),
         }
     }

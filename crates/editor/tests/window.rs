@@ -10,11 +10,14 @@ use std::sync::Arc;
 
 use clerestory::app::{App, Start};
 use clerestory::look::Look;
+use clerestory::panels::shortcuts::full_screen;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::archive::{self, part_state};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use eframe::egui::{Key, Memory, Modifiers, Role, ThemePreference, ViewportEvent, pos2, vec2};
+use eframe::egui::{
+    Event, Key, KeyboardShortcut, Memory, Modifiers, Role, ThemePreference, ViewportCommand, ViewportEvent, pos2, vec2,
+};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -41,6 +44,22 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
     window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     window.run_steps(3);
     assert_eq!(window.state().look().lights.lights["lamp"].intensity, intensity);
+}
+
+#[test]
+fn keys_fill_the_screen_and_close_the_window() {
+    let mut window = baked();
+    let sent = |window: &mut Window, keys: KeyboardShortcut, wanted: ViewportCommand| {
+        let KeyboardShortcut { logical_key: key, modifiers } = keys;
+        // All in one frame, whose commands are seen.
+        window.input_mut().events.push(Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers });
+        window.step();
+        window.output().viewport_output.values().any(|output| output.commands.contains(&wanted))
+    };
+    let keys = full_screen(&window.ctx);
+    assert!(sent(&mut window, keys, ViewportCommand::Fullscreen(true)));
+    let keys = KeyboardShortcut::new(Modifiers::COMMAND, Key::Q);
+    assert!(sent(&mut window, keys, ViewportCommand::Close));
 }
 
 /// Files in the cache of a home with some ending.

@@ -1,7 +1,7 @@
 //! Where everything stands in the window: bars above and below, panels left and right, the picture between them, dialogs over it.
 
 use clerestory_transport::camera::Camera;
-use eframe::egui::{self, Context, Panel, Ui};
+use eframe::egui::{self, Context, Panel, Ui, ViewportCommand};
 
 use super::App;
 use super::habits::BakeHabits;
@@ -30,6 +30,12 @@ const SETTINGS_MOST: f32 = 460.0;
 const SETTINGS_WIDTH: f32 = 264.0;
 /// Least widths of the panel of lights and of the right panel, points.
 const PANELS_LEAST: [f32; 2] = [300.0, 252.0];
+
+/// Fills the screen with the window, or lets it go back.
+pub(super) fn toggle_full_screen(ctx: &Context) {
+    let is_full = ctx.input(|input| input.viewport().fullscreen) == Some(true);
+    ctx.send_viewport_cmd(ViewportCommand::Fullscreen(!is_full));
+}
 
 impl App {
     pub(super) fn dialogs_ui(&mut self, ctx: &Context) {
