@@ -140,6 +140,8 @@ pub struct App {
     sides: Sides,
     /// How pictures are written.
     export: ExportOptions,
+    /// The first and the last frame of those that are asked for; all of them where nobody says.
+    asked_frames: Option<[u32; 2]>,
     heat_map: HeatMap,
     heat: Option<heat::Heat>,
     recovery: Recovery,
@@ -228,6 +230,7 @@ impl App {
             is_bare: false,
             sides: left(cc, PANELS_KEY),
             export: left(cc, EXPORT_KEY),
+            asked_frames: None,
             heat_map: HeatMap::default(),
             heat: None,
             recovery,

@@ -724,6 +724,9 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     ask_for(&mut window, "Export frames…", &folder.path().join("f_###.png"));
     assert!(window.query_by_label_contains("saving replaces them").is_none(), "nothing is replaced unasked");
     window.get_by_label("49 of 24 in a second");
+    window.get_by_label("First frame").set_value_accesskit(40.0);
+    window.run_steps(3);
+    window.get_by_label("9 of 24 in a second");
     window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("f.png").display().to_string());
     window.run_steps(3);
     window.get_by_label_contains("write # for the digits");
@@ -735,6 +738,7 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     window.run_steps(3);
     click(&mut window, "Save");
     wait(&mut window, |app| app.session().frames().is_none() && folder.path().join("g_48.png").exists());
+    assert!(folder.path().join("g_40.png").exists() && !folder.path().join("g_39.png").exists());
     let [part, whole] = ["g_48.png", "f_048.png"].map(|name| image::open(folder.path().join(name)).unwrap().to_rgb8());
     assert_eq!((part.dimensions(), whole.dimensions()), ((12, 24), (64, 48)));
     // Of the picture of half the size, the twelve columns at its right.

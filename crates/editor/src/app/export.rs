@@ -109,9 +109,9 @@ impl App {
             }
             (FileTask::ExportFrames, Some(view)) => {
                 let timeline = &self.look.timeline;
-                let (frames, fps) = (0..=last_frame(&self.look, timeline.fps), timeline.fps);
-                let options = &mut self.export;
-                question.ui(ctx, |ui, path| frames_ui(ui, path, options, &view, (frames, fps)))
+                let (last, fps) = (last_frame(&self.look, timeline.fps), timeline.fps);
+                let (options, asked) = (&mut self.export, &mut self.asked_frames);
+                question.ui(ctx, |ui, path| frames_ui(ui, path, options, &view, (asked, last, fps)))
             }
             _ => question.ui(ctx, |_, _| None),
         };

@@ -59,6 +59,7 @@ impl App {
         if task != FileTask::SaveLook {
             self.after_saving = None;
         }
+        self.asked_frames = None;
         self.question = Some(FileQuestion::new(task, &suggestion, folder, own, self.dialogs));
     }
 
