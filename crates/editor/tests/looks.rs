@@ -242,6 +242,21 @@ fn a_look_that_is_compared_or_faded_may_be_renamed() {
 }
 
 #[test]
+fn a_look_is_compared_with_now_from_its_menu() {
+    let mut window = two_looks();
+    let chosen = |window: &Window| {
+        ["Left look", "Right look"].map(|label| window.get_by_label(label).accesskit_node().value().unwrap_or_default())
+    };
+    context_menu(&mut window, "Look Look", "Compare with now");
+    assert_eq!(chosen(&window), ["Look", "Now"]);
+    click(&mut window, "Side by side");
+    context_menu(&mut window, "Look Look 2", "Compare with now");
+    assert_eq!(chosen(&window), ["Look 2", "Now"]);
+    let is_side_by_side = window.get_by_label("Side by side").accesskit_node().toggled();
+    assert_ne!(is_side_by_side, window.get_by_label("Wipe").accesskit_node().toggled(), "the way stays");
+}
+
+#[test]
 fn what_is_compared_and_faded_goes_on_when_a_name_is_taken_back() {
     let mut window = two_looks();
     click(&mut window, "Compare");
