@@ -324,8 +324,7 @@ pub(super) fn bake(
         Some(Ok(Some((under_way, left)))) => {
             kept = Some(under_way);
             if let (None, Some(left)) = (&begun, left) {
-                remarks
-                    .push(format!("{} blocks were baked before the editor ended; the rest follows", left.blocks.len()));
+                remarks.push(format!("{} blocks were baked before; the rest follows", left.blocks.len()));
                 (begun, job.passes) = (Some(left), Passes::Again);
             }
         }
