@@ -322,7 +322,7 @@ impl FileTask {
     pub fn action(self, path: PathBuf) -> Action {
         let path = self.whole(path);
         match self {
-            FileTask::OpenScene => dropped(path),
+            FileTask::OpenScene => opened(path),
             FileTask::OpenPictures => Action::Open(path),
             FileTask::OpenLook => Action::OpenLook(path),
             FileTask::AddLooks => Action::AddLooks(path),
@@ -344,6 +344,8 @@ impl FileTask {
 
 /// Endings of maps of the sky.
 const SKY_EXTENSIONS: &[&str] = &["hdr", "exr"];
+/// Endings of pictures as they are seen, which are neither scenes nor skies.
+const SEEN_EXTENSIONS: &[&str] = &["png", "jpg", "jpeg"];
 /// Endings of measured distributions.
 const PROFILE_EXTENSIONS: &[&str] = &["ies", "ldt"];
 
@@ -354,18 +356,23 @@ pub fn all_dropped(paths: impl Iterator<Item = PathBuf>) -> Vec<Action> {
     actions
 }
 
-/// What to do with a file that was dropped on the window: looks and skies are taken over, profiles become lamps, everything
-/// else is opened.
+/// What to do with a file that was dropped on the window: pictures as they are seen are to be matched, the others are opened.
 pub fn dropped(path: PathBuf) -> Action {
-    let ends_in = |endings: &[&str]| {
-        path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
-    };
+    if ends_in(&path, SEEN_EXTENSIONS) { Action::MatchPicture(path) } else { opened(path) }
+}
+
+/// What to do with a file that is opened: looks and skies are taken over, profiles become lamps, everything else is a scene.
+pub fn opened(path: PathBuf) -> Action {
     match () {
-        () if ends_in(&["look"]) => Action::OpenLook(path),
-        () if ends_in(SKY_EXTENSIONS) => Action::UseSky(path),
-        () if ends_in(PROFILE_EXTENSIONS) => Action::AddProfile(path),
+        () if ends_in(&path, &["look"]) => Action::OpenLook(path),
+        () if ends_in(&path, SKY_EXTENSIONS) => Action::UseSky(path),
+        () if ends_in(&path, PROFILE_EXTENSIONS) => Action::AddProfile(path),
         () => Action::Open(path),
     }
+}
+
+fn ends_in(path: &Path, endings: &[&str]) -> bool {
+    path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
 }
 
 #[cfg(test)]
@@ -409,6 +416,9 @@ mod tests {
         assert_eq!(dropped("track.ldt".into()), Action::AddProfile("track.ldt".into()));
         assert_eq!(dropped("room.glb".into()), Action::Open("room.glb".into()));
         assert_eq!(dropped("stage".into()), Action::Open("stage".into()));
+        assert_eq!(dropped("photo.JPG".into()), Action::MatchPicture("photo.JPG".into()));
+        let scene = FileTask::OpenScene.action("photo.jpg".into());
+        assert_eq!(scene, Action::Open("photo.jpg".into()), "who chooses a scene is told that it is none");
         let both = all_dropped(["warm.look", "room.glb"].map(PathBuf::from).into_iter());
         assert_eq!(both, [Action::Open("room.glb".into()), Action::OpenLook("warm.look".into())]);
     }

@@ -7,7 +7,7 @@ mod desk;
 use clerestory::app::{App, Start};
 use clerestory::look::Look;
 use clerestory::look::scene::PlaneChoice;
-use clerestory::look::wishes::Where;
+use clerestory::look::wishes::{Wanted, Where};
 use clerestory::marks::Marks;
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory::solve::Solution;
@@ -314,6 +314,18 @@ fn the_place_of_a_wish_is_seen_again_and_can_be_another() {
     assert!(wished(&window) == second);
     click(&mut window, "Undo");
     assert!(wished(&window) == first, "one step");
+}
+
+#[test]
+fn a_picture_that_is_dropped_is_to_be_matched() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wanted.png");
+    let mut window = baked();
+    save_as(&mut window, "Export…", &path);
+    wait(&mut window, |_| path.exists());
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path)));
+    wait(&mut window, |app| app.look().wishes.list.len() == 1);
+    assert!(matches!(window.state().look().wishes.list[0].wanted, Wanted::Match { .. }));
 }
 
 #[test]

@@ -414,7 +414,7 @@ impl App {
                 if !self.look.wishes.has_room() {
                     return self.complain("there are as many wishes as a look holds; remove one first");
                 }
-                self.say(format!("{name} is among the wishes"));
+                self.say(format!("{name} is among the wishes of Solve for light"));
                 self.solving.pictures.insert(file.clone(), Ok(Arc::new(picture)));
                 self.look.wishes.push(&name, Where::Whole, Wanted::Match { file, tone: None, exposure_ev: None });
             }

@@ -11,7 +11,7 @@ use eframe::wgpu;
 use super::host::run_windows;
 use super::icon::icon;
 use super::recovery;
-use crate::action::{Action, dropped};
+use crate::action::{Action, opened};
 use crate::bake_cache::BakeCache;
 use crate::crash;
 use crate::panels::dialogs::FileDialogs;
@@ -45,7 +45,7 @@ impl Start {
 /// still there.
 pub(super) fn with_its_scene(source: Source, recent: &[PathBuf]) -> (Source, Option<PathBuf>) {
     match source {
-        Source::File(path) if matches!(dropped(path.clone()), Action::OpenLook(_)) => {
+        Source::File(path) if matches!(opened(path.clone()), Action::OpenLook(_)) => {
             let last = recent.iter().find(|scene| scene.exists()).cloned();
             (last.map_or(Source::BuiltIn, Source::File), Some(path))
         }
