@@ -288,6 +288,10 @@ fn a_look_with_a_file_is_saved_at_once_or_as_another() {
     save_as(&mut window, "Save look as…", &second);
     assert!(std::fs::read_to_string(&first).unwrap().contains("muted"));
     assert!(!std::fs::read_to_string(&second).unwrap().contains("muted"));
+    // Looks are recent files as scenes are.
+    click(&mut window, "Recent");
+    click(&mut window, "first.look");
+    wait(&mut window, |app| app.look().lights.lights.get("lamp").is_some_and(|setting| setting.muted));
 }
 
 #[test]

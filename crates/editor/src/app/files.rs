@@ -9,8 +9,8 @@ use crate::action::{Action, FileTask};
 use crate::panels::dialogs::FileQuestion;
 use crate::session::Source;
 
-/// Recent files that are remembered.
-const MAX_RECENT: usize = 8;
+/// Recent files that are remembered, scenes and looks.
+const MAX_RECENT: usize = 12;
 /// Numbers that are tried for a name that is suggested.
 const MOST_TRIED: u32 = 1000;
 
@@ -86,7 +86,12 @@ impl App {
 
     /// What is open now is the first of the recent files, however it was asked for.
     pub(super) fn remember_opened(&mut self) {
-        let Some(path) = self.session.opened.as_ref().and_then(|opened| opened.path.clone()) else { return };
+        let opened = self.session.opened.as_ref().and_then(|opened| opened.path.clone());
+        opened.into_iter().for_each(|path| self.remember(path));
+    }
+
+    /// A file is the first of the recent ones.
+    pub(super) fn remember(&mut self, path: PathBuf) {
         let absolute = std::path::absolute(&path).unwrap_or(path);
         self.recent.retain(|other| *other != absolute);
         self.recent.insert(0, absolute);

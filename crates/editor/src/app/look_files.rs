@@ -119,6 +119,7 @@ impl App {
         let rest =
             if is_whole { "" } else { "; saving asks for another file, since what was left out is in this one alone" };
         let problem = format!("{}: {}{rest}", path.display(), warnings.join(", "));
+        self.remember(path.clone());
         let file = is_whole.then_some((path, on_disk));
         self.saved_look = look;
         (self.look_path, self.look_files.on_disk) = file.unzip();
@@ -183,6 +184,7 @@ impl App {
         match self.look.save(&path) {
             Ok(on_disk) => {
                 self.say(format!("Saved {}", path.display()));
+                self.remember(path.clone());
                 (self.saved_look, self.look_path) = (self.look.clone(), Some(path));
                 self.look_files.on_disk = Some(on_disk);
                 self.actions.extend(self.after_saving.take());

@@ -1,6 +1,6 @@
 //! How the window starts, and with which settings.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -44,9 +44,10 @@ impl Start {
 /// What is opened first, and the look that it is lit by: one that is opened alone goes with the scene that was open last, where that is
 /// still there.
 pub(super) fn with_its_scene(source: Source, recent: &[PathBuf]) -> (Source, Option<PathBuf>) {
+    let is_look = |path: &Path| matches!(opened(path.to_path_buf()), Action::OpenLook(_));
     match source {
-        Source::File(path) if matches!(opened(path.clone()), Action::OpenLook(_)) => {
-            let last = recent.iter().find(|scene| scene.exists()).cloned();
+        Source::File(path) if is_look(&path) => {
+            let last = recent.iter().find(|scene| !is_look(scene) && scene.exists()).cloned();
             (last.map_or(Source::BuiltIn, Source::File), Some(path))
         }
         source => (source, None),

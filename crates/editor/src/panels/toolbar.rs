@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use eframe::egui::{self, Button, ThemePreference, Ui};
 
 use super::shortcuts;
-use crate::action::{Action, FileTask, Side};
+use crate::action::{Action, FileTask, Side, opened};
 use egui::gui_zoom::kb_shortcuts::{ZOOM_IN, ZOOM_OUT};
 
 /// What the toolbar needs to know.
@@ -24,7 +24,7 @@ pub struct ToolbarState<'a> {
     pub is_unsaved: bool,
     /// That file, if it has one.
     pub look_file: Option<&'a Path>,
-    /// Files opened lately, newest first.
+    /// Scenes and looks of lately, newest first.
     pub recent: &'a [PathBuf],
 }
 
@@ -139,7 +139,7 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
 fn recent_menu(ui: &mut Ui, recent: &[PathBuf], actions: &mut Vec<Action>) {
     for path in recent {
         if ui.button(recent_name(path, recent)).on_hover_text(path.display().to_string()).clicked() {
-            actions.push(Action::Open(path.clone()));
+            actions.push(opened(path.clone()));
             ui.close();
         }
     }
