@@ -25,6 +25,8 @@ pub enum Action {
     OpenBuiltIn,
     /// Take over a look.
     OpenLook(PathBuf),
+    /// Add the looks of a file to those that there are.
+    AddLooks(PathBuf),
     /// Save the look.
     SaveLook(PathBuf),
     /// Save the look where it was saved last, else ask.
@@ -37,6 +39,8 @@ pub enum Action {
     SaveBake(PathBuf),
     /// Bake with the settings of the bake panel.
     StartBake,
+    /// The same by its key: what was stopped goes on, and what runs like that is not begun again.
+    BakeByKey,
     /// Open the file again that changed on disk, with the look as it is.
     Reload,
     /// Go on with the bake that was stopped.
@@ -116,6 +120,8 @@ pub enum Action {
     BakeIlluminance,
     /// Write the table of lamps.
     SaveSchedule(PathBuf),
+    /// Write what the points of the sensor grids read.
+    SaveValues(PathBuf),
     /// Let the next click say what the chosen lamp is to light, or no longer.
     AimLamp,
     /// Light the scene as a snapshot says, counted from 0.
@@ -160,6 +166,10 @@ pub enum Action {
     TogglePanel(Side),
     /// Show or hide the list of keyboard shortcuts.
     ToggleShortcuts,
+    /// Fill the screen with the window, or no longer.
+    ToggleFullScreen,
+    /// Close the window; what would be lost is asked about first.
+    CloseWindow,
     /// Close the window, whatever was not saved.
     Quit,
 }
@@ -182,6 +192,8 @@ pub enum FileTask {
     OpenPictures,
     /// A look to open.
     OpenLook,
+    /// A file whose looks are added to those that there are.
+    AddLooks,
     /// A place for the look.
     SaveLook,
     /// A place for the picture.
@@ -204,6 +216,8 @@ pub enum FileTask {
     OpenSky,
     /// A place for the table of lamps.
     SaveSchedule,
+    /// A place for the table of sensors.
+    SaveValues,
 }
 
 impl FileTask {
@@ -213,6 +227,7 @@ impl FileTask {
             FileTask::OpenScene => "Open a scene",
             FileTask::OpenPictures => "Open a folder of pictures",
             FileTask::OpenLook => "Open a look",
+            FileTask::AddLooks => "Add the looks of a file",
             FileTask::SaveLook => "Save the look",
             FileTask::Export => "Export the picture",
             FileTask::ExportFrames => "Export the frames",
@@ -224,6 +239,7 @@ impl FileTask {
             FileTask::OpenTarget => "Open a picture to match",
             FileTask::OpenSky => "Open a picture of the sky",
             FileTask::SaveSchedule => "Save the schedule of lamps",
+            FileTask::SaveValues => "Save the values of the sensors",
         }
     }
 
@@ -232,7 +248,7 @@ impl FileTask {
         match self {
             FileTask::OpenScene => ("glTF scenes and bakes", &["glb", "gltf", "transport"]),
             FileTask::OpenPictures => ("Folders", &[]),
-            FileTask::OpenLook | FileTask::SaveLook => ("Looks", &["look"]),
+            FileTask::OpenLook | FileTask::AddLooks | FileTask::SaveLook => ("Looks", &["look"]),
             FileTask::Export | FileTask::ExportFrames => ("Pictures", &["png", "exr"]),
             FileTask::SaveSheet => ("Pictures", &["png"]),
             FileTask::SaveBake => ("Bakes", &["transport"]),
@@ -240,7 +256,7 @@ impl FileTask {
             FileTask::FindScene | FileTask::ExportGltf => ("glTF scenes", &["glb", "gltf"]),
             FileTask::OpenTarget => ("Pictures", &["exr", "hdr", "png", "jpg", "jpeg"]),
             FileTask::OpenSky => ("Pictures of all directions", SKY_EXTENSIONS),
-            FileTask::SaveSchedule => ("Tables", &["csv"]),
+            FileTask::SaveSchedule | FileTask::SaveValues => ("Tables", &["csv"]),
         }
     }
 
@@ -260,6 +276,7 @@ impl FileTask {
                 | FileTask::SaveSheet
                 | FileTask::SaveBake
                 | FileTask::SaveSchedule
+                | FileTask::SaveValues
         )
     }
 
@@ -282,7 +299,8 @@ impl FileTask {
     }
 
     fn has_ending(self, path: &Path) -> bool {
-        let is_single = matches!(self, FileTask::SaveLook | FileTask::SaveBake | FileTask::SaveSchedule);
+        let is_single =
+            matches!(self, FileTask::SaveLook | FileTask::SaveBake | FileTask::SaveSchedule | FileTask::SaveValues);
         let is_own = |own: &OsStr| self.extensions().1.iter().any(|ending| own.eq_ignore_ascii_case(ending));
         path.extension().is_some_and(|own| !is_single || is_own(own) || path.is_file())
     }
@@ -308,9 +326,10 @@ impl FileTask {
     pub fn action(self, path: PathBuf) -> Action {
         let path = self.whole(path);
         match self {
-            FileTask::OpenScene => dropped(path),
+            FileTask::OpenScene => opened(path),
             FileTask::OpenPictures => Action::Open(path),
             FileTask::OpenLook => Action::OpenLook(path),
+            FileTask::AddLooks => Action::AddLooks(path),
             FileTask::SaveLook => Action::SaveLook(path),
             FileTask::Export => Action::ExportImage(path),
             FileTask::ExportFrames => Action::ExportFrames(path),
@@ -322,12 +341,15 @@ impl FileTask {
             FileTask::OpenTarget => Action::MatchPicture(path),
             FileTask::OpenSky => Action::UseSky(path),
             FileTask::SaveSchedule => Action::SaveSchedule(path),
+            FileTask::SaveValues => Action::SaveValues(path),
         }
     }
 }
 
 /// Endings of maps of the sky.
 const SKY_EXTENSIONS: &[&str] = &["hdr", "exr"];
+/// Endings of pictures as they are seen, which are neither scenes nor skies.
+const SEEN_EXTENSIONS: &[&str] = &["png", "jpg", "jpeg"];
 /// Endings of measured distributions.
 const PROFILE_EXTENSIONS: &[&str] = &["ies", "ldt"];
 
@@ -338,18 +360,23 @@ pub fn all_dropped(paths: impl Iterator<Item = PathBuf>) -> Vec<Action> {
     actions
 }
 
-/// What to do with a file that was dropped on the window: looks and skies are taken over, profiles become lamps, everything
-/// else is opened.
+/// What to do with a file that was dropped on the window: pictures as they are seen are to be matched, the others are opened.
 pub fn dropped(path: PathBuf) -> Action {
-    let ends_in = |endings: &[&str]| {
-        path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
-    };
+    if ends_in(&path, SEEN_EXTENSIONS) { Action::MatchPicture(path) } else { opened(path) }
+}
+
+/// What to do with a file that is opened: looks and skies are taken over, profiles become lamps, everything else is a scene.
+pub fn opened(path: PathBuf) -> Action {
     match () {
-        () if ends_in(&["look"]) => Action::OpenLook(path),
-        () if ends_in(SKY_EXTENSIONS) => Action::UseSky(path),
-        () if ends_in(PROFILE_EXTENSIONS) => Action::AddProfile(path),
+        () if ends_in(&path, &["look"]) => Action::OpenLook(path),
+        () if ends_in(&path, SKY_EXTENSIONS) => Action::UseSky(path),
+        () if ends_in(&path, PROFILE_EXTENSIONS) => Action::AddProfile(path),
         () => Action::Open(path),
     }
+}
+
+fn ends_in(path: &Path, endings: &[&str]) -> bool {
+    path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
 }
 
 #[cfg(test)]
@@ -393,6 +420,9 @@ mod tests {
         assert_eq!(dropped("track.ldt".into()), Action::AddProfile("track.ldt".into()));
         assert_eq!(dropped("room.glb".into()), Action::Open("room.glb".into()));
         assert_eq!(dropped("stage".into()), Action::Open("stage".into()));
+        assert_eq!(dropped("photo.JPG".into()), Action::MatchPicture("photo.JPG".into()));
+        let scene = FileTask::OpenScene.action("photo.jpg".into());
+        assert_eq!(scene, Action::Open("photo.jpg".into()), "who chooses a scene is told that it is none");
         let both = all_dropped(["warm.look", "room.glb"].map(PathBuf::from).into_iter());
         assert_eq!(both, [Action::Open("room.glb".into()), Action::OpenLook("warm.look".into())]);
     }

@@ -11,6 +11,7 @@ mod follow;
 mod habits;
 mod heat;
 mod host;
+mod icon;
 mod isolux;
 mod lamplight;
 mod lamps;
@@ -41,7 +42,7 @@ use anyhow::Result;
 use clerestory_relight::Gpu;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::patches::DEFAULT_PATCHES;
-use eframe::egui::{Context, Rect, SurrenderFocusOn, ThemePreference, Ui};
+use eframe::egui::{Context, Rect, SurrenderFocusOn, ThemePreference, Ui, ViewportCommand};
 use eframe::{CreationContext, Storage};
 use serde::de::DeserializeOwned;
 
@@ -65,6 +66,7 @@ use follow::Follower;
 use habits::BakeHabits;
 pub use host::WindowLost;
 use isolux::IsoluxDesk;
+use layout::toggle_full_screen;
 use look_files::LookFiles;
 use looks::Prints;
 use losing::Losing;
@@ -75,6 +77,7 @@ use probe::Prober;
 use recovery::Recovery;
 use sides::Sides;
 use solving::Solving;
+use start::with_its_scene;
 pub use start::{Start, run};
 use typing::Typing;
 use undo::Steps;
@@ -140,6 +143,8 @@ pub struct App {
     sides: Sides,
     /// How pictures are written.
     export: ExportOptions,
+    /// The first and the last frame of those that are asked for; all of them where nobody says.
+    asked_frames: Option<[u32; 2]>,
     heat_map: HeatMap,
     heat: Option<heat::Heat>,
     recovery: Recovery,
@@ -170,7 +175,8 @@ impl App {
         if cc.storage.is_none_or(|storage| storage.get_string(RECENT_KEY).is_none()) {
             cc.egui_ctx.set_theme(ThemePreference::Dark);
         }
-        let recent = left(cc, RECENT_KEY);
+        let recent: Vec<PathBuf> = left(cc, RECENT_KEY);
+        let (source, look) = with_its_scene(start.source, &recent);
         let was_welcomed = cc.storage.is_some_and(|storage| storage.get_string(WELCOMED_KEY).is_some());
         let lights = LightsState::new(left(cc, LIGHTS_KEY));
         let habits = left::<BakeHabits>(cc, BAKE_KEY).within_reason();
@@ -180,8 +186,8 @@ impl App {
         session.cache = start.cache;
         session.memory_limit = left(cc, MEMORY_KEY);
         let choices = Choices::new(left(cc, CHOICES_KEY));
-        let chosen = choices.kept.of(&start.source);
-        session.open_with(start.source, chosen);
+        let chosen = choices.kept.of(&source);
+        session.open_with(source, chosen);
         let (recovery, problem) = Recovery::start(start.unsaved.as_deref());
         let mut messages = Messages::default();
         problem.into_iter().for_each(|words| messages.push(words, MessageTone::Problem));
@@ -215,7 +221,7 @@ impl App {
             daylight: Daylight::new(wake.clone()),
             camera: CameraDesk::start(cc, wake)?,
             choices,
-            actions: Vec::new(),
+            actions: look.map(Action::OpenLook).into_iter().collect(),
             question: None,
             dialogs: start.dialogs,
             unsaved: None,
@@ -228,6 +234,7 @@ impl App {
             is_bare: false,
             sides: left(cc, PANELS_KEY),
             export: left(cc, EXPORT_KEY),
+            asked_frames: None,
             heat_map: HeatMap::default(),
             heat: None,
             recovery,
@@ -329,12 +336,14 @@ impl App {
             Action::Open(path) => self.unless_lost(Action::Open(path.clone()), |app| app.open(path)),
             Action::OpenBuiltIn => self.unless_lost(Action::OpenBuiltIn, |app| app.open_source(Source::BuiltIn)),
             Action::OpenLook(path) => self.unless_unsaved(Action::OpenLook(path.clone()), |app| app.open_look(path)),
+            Action::AddLooks(path) => self.add_looks(path),
             Action::SaveLook(path) => self.save_look(path),
             Action::SaveLookAgain => self.save_look_again(),
             Action::ExportImage(path) => self.export(path),
             Action::CopyImage => self.copy_image(),
             Action::SaveBake(path) => self.session.save_bake(path),
             Action::StartBake => self.bake_as_asked(),
+            Action::BakeByKey => self.bake_by_key(),
             Action::BakePatches => {
                 self.settings.config.patches = self.settings.config.patches.max(DEFAULT_PATCHES);
                 self.bake_as_asked();
@@ -377,6 +386,7 @@ impl App {
             Action::MatchPicture(path) => self.match_picture(path),
             Action::BakeIlluminance => self.bake_illuminance(),
             Action::SaveSchedule(path) => self.save_schedule(&path),
+            Action::SaveValues(path) => self.save_values(&path),
             Action::UseScene(path) => self.session.find_scene(path),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
@@ -393,6 +403,8 @@ impl App {
             Action::TogglePanels => self.is_bare = !self.is_bare,
             Action::TogglePanel(side) => self.toggle_panel(ctx, side),
             Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
+            Action::ToggleFullScreen => toggle_full_screen(ctx),
+            Action::CloseWindow => ctx.send_viewport_cmd(ViewportCommand::Close),
             Action::Quit => self.quit(ctx),
         }
     }

@@ -14,6 +14,7 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail};
 use clerestory_relight::{DisplayParams, Radiance};
 use image::RgbImage;
+use serde::{Deserialize, Serialize};
 
 use self::exr::ExrPicture;
 use crate::legend::Legend;
@@ -25,11 +26,13 @@ pub use options::ExportOptions;
 pub use png::{png_bytes, shown_by};
 
 /// Kind of picture file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum ImageFormat {
     /// Linear Rec. 709 in nit.
     Exr,
     /// Display-encoded sRGB.
+    #[default]
     Png,
 }
 
@@ -44,6 +47,14 @@ impl ImageFormat {
             Some("exr") => Ok(ImageFormat::Exr),
             Some("png") => Ok(ImageFormat::Png),
             _ => Err(anyhow!("cannot write {}: end the name in .exr or .png", path.display())),
+        }
+    }
+
+    /// What its names end in.
+    pub fn ending(self) -> &'static str {
+        match self {
+            ImageFormat::Exr => ".exr",
+            ImageFormat::Png => ".png",
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Illuminance of a surface in the figures of lighting standards: average, minimum, maximum and uniformity, in lux and foot-candles.
 
+use std::io::Write;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
@@ -15,6 +16,7 @@ use glam::Vec3;
 
 use crate::legend::number_words;
 use crate::marks::{Marks, Seen, weighed};
+use crate::table::text_cell;
 
 /// Lux of a foot-candle, a lumen per square foot.
 pub const FOOT_CANDLE_LX: f64 = 10.763_910_416_709_722;
@@ -157,6 +159,24 @@ pub fn of_grid(
         bail!("some sensors of `{}` read no finite number; check the intensities of the look", grid.name);
     }
     Ok(points)
+}
+
+/// Writes points of grids as comma-separated values, quoted as RFC 4180 asks: the name of the grid, meters and lux.
+///
+/// # Errors
+/// If they cannot be written.
+pub fn write_points<'a>(
+    writer: &mut impl Write,
+    grids: impl IntoIterator<Item = (&'a str, &'a [(Vec3, f32)])>,
+) -> Result<()> {
+    writeln!(writer, "grid,x,y,z,lux")?;
+    for (name, points) in grids {
+        let name = text_cell(name);
+        for (point, lux) in points {
+            writeln!(writer, "{name},{},{},{},{lux}", point.x, point.y, point.z)?;
+        }
+    }
+    Ok(())
 }
 
 /// Illuminance of the marked pixels, by area where it is known what they see.
@@ -347,6 +367,13 @@ mod tests {
         let known = std::f64::consts::PI;
         assert!((told.average / known - 1.0).abs() < 0.02, "{told:?}");
         assert!(told.uniformity().unwrap() > 0.8 && told.diversity().unwrap() > 0.7, "{told:?}");
+    }
+
+    #[test]
+    fn names_with_commas_and_quotes_stay_one_field() {
+        let (mut table, points) = (Vec::new(), [(Vec3::new(0.5, 0.0, 1.0), 12.5)]);
+        write_points(&mut table, [("desk, \"left\"", &points[..])]).unwrap();
+        assert_eq!(String::from_utf8(table).unwrap(), "grid,x,y,z,lux\n\"desk, \"\"left\"\"\",0.5,0,1,12.5\n");
     }
 
     #[test]

@@ -242,11 +242,23 @@ fn a_bake_that_was_stopped_goes_on_and_its_error_is_plotted() {
         BakeState::Running { pass, n_passes, pass_done, .. } => pass + 1 == n_passes && pass_done > 0.2,
         _ => false,
     });
+    // The key of a bake that runs does not begin it again.
+    window.key_press_modifiers(Modifiers::COMMAND, Key::B);
+    window.run_steps(1);
+    let goes_on =
+        |app: &App| matches!(app.session().bake, BakeState::Running { pass, n_passes, .. } if pass + 1 == n_passes);
+    assert!(goes_on(window.state()), "it was begun again");
     click(&mut window, "Stop the bake");
     wait(&mut window, |app| app.session().bake == BakeState::Stopped);
     let settings = window.state().settings().clone();
     let n_kept = window.state().session().n_resumable(&settings, window.state().camera());
     assert!(n_kept > 0 && n_kept < 12, "{n_kept} blocks of the last pass were there");
+    // The key of one that was stopped goes on with it.
+    window.key_press_modifiers(Modifiers::COMMAND, Key::B);
+    window.run_steps(1);
+    click(&mut window, "Stop the bake");
+    wait(&mut window, |app| app.session().bake == BakeState::Stopped);
+    assert!(window.state().session().n_resumable(&settings, window.state().camera()) >= n_kept, "it was begun anew");
     // Another view begins anew.
     window.key_press(Key::C);
     window.run_steps(3);

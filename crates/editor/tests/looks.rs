@@ -4,10 +4,12 @@
 
 mod desk;
 
+use clerestory::look::Look;
 use clerestory::look::snapshot::Mark;
+use clerestory::session::BakeState;
 use clerestory::session::shares::sum;
 use clerestory::viewport::probe::Reading;
-use clerestory_transport::light::LightRig;
+use clerestory_transport::light::{LightRig, LightSetting};
 use eframe::egui::gui_zoom::kb_shortcuts::ZOOM_IN;
 use eframe::egui::{
     Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2, Rect, TouchPhase, ViewportCommand,
@@ -15,7 +17,9 @@ use eframe::egui::{
 };
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Window, ask_for, baked, click, drag, save_as, type_over, wait, wait_until};
+use desk::{
+    Dropped, Kept, Window, ask_for, baked, click, drag, open_again, room, save_as, type_over, wait, wait_until,
+};
 
 fn names(window: &Window) -> Vec<&str> {
     window.state().look().snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect()
@@ -240,6 +244,21 @@ fn a_look_that_is_compared_or_faded_may_be_renamed() {
 }
 
 #[test]
+fn a_look_is_compared_with_now_from_its_menu() {
+    let mut window = two_looks();
+    let chosen = |window: &Window| {
+        ["Left look", "Right look"].map(|label| window.get_by_label(label).accesskit_node().value().unwrap_or_default())
+    };
+    context_menu(&mut window, "Look Look", "Compare with now");
+    assert_eq!(chosen(&window), ["Look", "Now"]);
+    click(&mut window, "Side by side");
+    context_menu(&mut window, "Look Look 2", "Compare with now");
+    assert_eq!(chosen(&window), ["Look 2", "Now"]);
+    let is_side_by_side = window.get_by_label("Side by side").accesskit_node().toggled();
+    assert_ne!(is_side_by_side, window.get_by_label("Wipe").accesskit_node().toggled(), "the way stays");
+}
+
+#[test]
 fn what_is_compared_and_faded_goes_on_when_a_name_is_taken_back() {
     let mut window = two_looks();
     click(&mut window, "Compare");
@@ -271,6 +290,10 @@ fn a_look_with_a_file_is_saved_at_once_or_as_another() {
     save_as(&mut window, "Save look as…", &second);
     assert!(std::fs::read_to_string(&first).unwrap().contains("muted"));
     assert!(!std::fs::read_to_string(&second).unwrap().contains("muted"));
+    // Looks are recent files as scenes are.
+    click(&mut window, "Recent");
+    click(&mut window, "first.look");
+    wait(&mut window, |app| app.look().lights.lights.get("lamp").is_some_and(|setting| setting.muted));
 }
 
 #[test]
@@ -287,6 +310,45 @@ fn a_look_whose_folder_is_gone_is_asked_for_another_place() {
     window.run_steps(3);
     click(&mut window, "Save");
     assert!(other.exists());
+}
+
+#[test]
+fn looks_of_a_file_come_behind_those_that_there_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, mut other) = (folder.path().join("evening.look"), Look::default());
+    other.keep("Look");
+    other.lights.lights.insert("panel".into(), LightSetting { muted: true, ..LightSetting::default() });
+    other.save(&file).unwrap();
+    let mut window = two_looks();
+    let before = window.state().look().clone();
+    click(&mut window, "Presets");
+    ask_for(&mut window, "Looks of a file…", &file);
+    click(&mut window, "Open");
+    wait(&mut window, |app| app.look().snapshots.len() == 4);
+    assert_eq!(names(&window), ["Look", "Look 2", "Look 3", "evening"]);
+    let look = window.state().look();
+    assert_eq!((&look.lights, &look.on), (&before.lights, &before.on), "the lights stay as they are");
+    assert!(look.snapshots[3].lights.lights["panel"].muted);
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), before, "one step");
+}
+
+#[test]
+fn a_look_that_is_opened_first_goes_with_the_scene_that_was_open_last() {
+    let folder = tempfile::tempdir().unwrap();
+    let [scene, file] = ["room.gltf", "evening.look"].map(|name| folder.path().join(name));
+    std::fs::write(&scene, room()).unwrap();
+    let mut look = Look::default();
+    look.lights.lights.insert("panel".into(), LightSetting { muted: true, ..LightSetting::default() });
+    look.save(&file).unwrap();
+    let mut window = open_again(&scene, Kept::default());
+    wait(&mut window, |app| app.session().bake == BakeState::Done);
+    let kept = Kept::by(&mut window);
+    drop(window);
+    let mut window = open_again(&file, kept);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.look().lights.lights.contains_key("panel"));
+    assert!(window.state().look().lights.lights["panel"].muted);
+    window.get_by_label("Mute panel");
 }
 
 #[test]
@@ -709,6 +771,9 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     ask_for(&mut window, "Export frames…", &folder.path().join("f_###.png"));
     assert!(window.query_by_label_contains("saving replaces them").is_none(), "nothing is replaced unasked");
     window.get_by_label("49 of 24 in a second");
+    window.get_by_label("First frame").set_value_accesskit(40.0);
+    window.run_steps(3);
+    window.get_by_label("9 of 24 in a second");
     window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("f.png").display().to_string());
     window.run_steps(3);
     window.get_by_label_contains("write # for the digits");
@@ -720,6 +785,7 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     window.run_steps(3);
     click(&mut window, "Save");
     wait(&mut window, |app| app.session().frames().is_none() && folder.path().join("g_48.png").exists());
+    assert!(folder.path().join("g_40.png").exists() && !folder.path().join("g_39.png").exists());
     let [part, whole] = ["g_48.png", "f_048.png"].map(|name| image::open(folder.path().join(name)).unwrap().to_rgb8());
     assert_eq!((part.dimensions(), whole.dimensions()), ((12, 24), (64, 48)));
     // Of the picture of half the size, the twelve columns at its right.
@@ -804,6 +870,22 @@ fn a_moment_is_taken_over_as_the_way_to_the_next_key_has_it_and_frames_are_cance
     let mut before = 0;
     let is_still = counts.any(|n| std::mem::replace(&mut before, n) == n);
     assert!(is_still && before > 0, "{before} files, and more of them still come");
+}
+
+#[test]
+fn frames_are_told_and_stopped_in_the_bar_when_the_timeline_is_closed() {
+    let mut window = two_keys();
+    window.get_by_label("Frames per second").set_value_accesskit(240.0);
+    window.get_by_label("Time of the key").set_value_accesskit(120.0);
+    window.run_steps(3);
+    let folder = tempfile::tempdir().unwrap();
+    save_as(&mut window, "Export frames…", &folder.path().join("f_#####.png"));
+    click(&mut window, "Timeline");
+    assert!(window.query_by_label("Cancel the frames").is_none());
+    window.get_by_label_contains("Writing frames, ");
+    click(&mut window, "Stop the frames");
+    assert!(window.state().session().frames().is_none());
+    assert!(window.query_by_label("Stop the frames").is_none());
 }
 
 #[test]

@@ -54,6 +54,24 @@ fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
     assert_eq!(header.shared_attributes.display_window.size.0, 64);
     let part = read_exr(&path).unwrap();
     assert_eq!((part.width, part.height), (4, 48));
+    click(&mut window, "Export…");
+    let suggested = window.get_by_label("Path").accesskit_node().value();
+    assert_eq!(suggested.as_deref(), Some("room.exr"), "the kind that was written last");
+}
+
+#[test]
+fn with_large_letters_the_question_about_a_picture_fits_the_window() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = baked();
+    ask_for(&mut window, "Export…", &folder.path().join("room.exr"));
+    // The least window, with letters of twice the size.
+    window.set_size(vec2(900.0, 600.0) / 2.0);
+    window.run_steps(6);
+    let whole = window.ctx.content_rect();
+    for label in ["Path", "Browse…", "Save", "Cancel"] {
+        let place = window.get_by_label(label).rect();
+        assert!(whole.contains_rect(place), "{label} at {place} of {whole}");
+    }
 }
 
 #[test]

@@ -7,11 +7,13 @@ mod desk;
 use clerestory::app::{App, Start};
 use clerestory::look::Look;
 use clerestory::look::scene::PlaneChoice;
+use clerestory::look::wishes::{Wanted, Where};
+use clerestory::marks::Marks;
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory::solve::Solution;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use eframe::egui::{Key, Modifiers, Pos2, Rect, vec2};
+use eframe::egui::{Key, Modifiers, PointerButton, Pos2, Rect, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -262,6 +264,11 @@ fn what_was_found_can_be_left_and_wishes_removed() {
     click(&mut window, "Add wish");
     click(&mut window, "Solve");
     wait(&mut window, |app| app.solution().is_some());
+    let outdated = "The wishes have changed since; solve again";
+    assert!(window.query_by_label(outdated).is_none());
+    window.get_by_label("Wish wanted").set_value_accesskit(123.0);
+    window.run_steps(3);
+    window.get_by_label(outdated);
     // The board leaves the least room for the settings.
     click(&mut window, "Board");
     window.run_steps(8);
@@ -277,6 +284,48 @@ fn what_was_found_can_be_left_and_wishes_removed() {
     window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
     window.run_steps(3);
     assert!(window.query_by_label("Remove Wish").is_some(), "undo brings a wish back");
+}
+
+#[test]
+fn the_place_of_a_wish_is_seen_again_and_can_be_another() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    mark(&mut window);
+    click(&mut window, "Add wish");
+    let marked = |window: &Window| -> Marks { (*window.state().look().marks.as_ref().unwrap().marks).clone() };
+    let wished = |window: &Window| match &window.state().look().wishes.list[0].place {
+        Where::Marked(marked) => (*marked.marks).clone(),
+        other => panic!("{other:?}"),
+    };
+    let first = marked(&window);
+    let mark_elsewhere = |window: &mut Window| {
+        let (from, to) = (place(window, 0.1, 0.1), place(window, 0.4, 0.4));
+        drag(window, from, to);
+    };
+    mark_elsewhere(&mut window);
+    let second = marked(&window);
+    assert!(second != first && wished(&window) == first);
+    click(&mut window, "Wish");
+    assert!(marked(&window) == first, "a click shows where it is");
+    mark_elsewhere(&mut window);
+    window.get_by_label("Wish").click_button(PointerButton::Secondary);
+    window.run_steps(4);
+    click(&mut window, "Use what is marked");
+    assert!(wished(&window) == second);
+    click(&mut window, "Undo");
+    assert!(wished(&window) == first, "one step");
+}
+
+#[test]
+fn a_picture_that_is_dropped_is_to_be_matched() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wanted.png");
+    let mut window = baked();
+    save_as(&mut window, "Export…", &path);
+    wait(&mut window, |_| path.exists());
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path)));
+    wait(&mut window, |app| app.look().wishes.list.len() == 1);
+    assert!(matches!(window.state().look().wishes.list[0].wanted, Wanted::Match { .. }));
 }
 
 #[test]
@@ -419,6 +468,13 @@ fn a_work_plane_on_a_marked_floor_is_baked_and_tells_its_uniformity() {
     assert!(window.query_all_by_label(grid).count() > 0);
     // One U0 for what is marked, one for the plane.
     assert_eq!(window.query_all_by_label("U0").count(), 2);
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("lux.csv");
+    save_as(&mut window, "Save values…", &table);
+    let table = std::fs::read_to_string(table).unwrap();
+    let is_point = |line: &str| line.starts_with(&format!("{grid},")) && line.split(',').count() == 5;
+    assert!(table.starts_with("grid,x,y,z,lux\n") && table.lines().skip(1).all(is_point), "{table}");
+    assert!(table.lines().count() > 4, "{table}");
     click(&mut window, "Work plane");
     assert_eq!(window.state().settings().work_plane, None);
 }

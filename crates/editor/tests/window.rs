@@ -10,12 +10,14 @@ use std::sync::Arc;
 
 use clerestory::app::{App, Start};
 use clerestory::look::Look;
+use clerestory::panels::shortcuts::full_screen;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::archive::{self, part_state};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui::{
-    Event, Key, Memory, Modifiers, PointerButton, Pos2, Role, ThemePreference, ViewportEvent, pos2, vec2,
+    Event, Key, KeyboardShortcut, Memory, Modifiers, PointerButton, Pos2, Role, ThemePreference, ViewportCommand,
+    ViewportEvent, pos2, vec2,
 };
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -45,6 +47,22 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
     assert_eq!(window.state().look().lights.lights["lamp"].intensity, intensity);
 }
 
+#[test]
+fn keys_fill_the_screen_and_close_the_window() {
+    let mut window = baked();
+    let sent = |window: &mut Window, keys: KeyboardShortcut, wanted: ViewportCommand| {
+        let KeyboardShortcut { logical_key: key, modifiers } = keys;
+        // All in one frame, whose commands are seen.
+        window.input_mut().events.push(Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers });
+        window.step();
+        window.output().viewport_output.values().any(|output| output.commands.contains(&wanted))
+    };
+    let keys = full_screen(&window.ctx);
+    assert!(sent(&mut window, keys, ViewportCommand::Fullscreen(true)));
+    let keys = KeyboardShortcut::new(Modifiers::COMMAND, Key::Q);
+    assert!(sent(&mut window, keys, ViewportCommand::Close));
+}
+
 /// Files in the cache of a home with some ending.
 fn in_cache(home: &Path, ending: &str) -> Vec<PathBuf> {
     let listed = std::fs::read_dir(home.join("bakes")).into_iter().flatten().flatten().map(|file| file.path());
@@ -64,7 +82,7 @@ fn a_bake_goes_on_where_an_editor_ended_and_ends_with_the_same_bytes() {
         drop(window);
         (std::fs::read(&in_cache(home, "transport")[0]).unwrap(), report)
     };
-    const TAKEN_UP: &str = "blocks were baked before the editor ended";
+    const TAKEN_UP: &str = "blocks were baked before; the rest follows";
     let (reference, report) = finished(whole.path());
     assert!(!report.contains(TAKEN_UP), "{report}");
     let mut window = opened(broken.path());
@@ -857,16 +875,6 @@ fn a_file_that_is_no_scene_is_told_in_words_and_another_can_be_opened() {
     window.get_by_label("Could not open letter.glb");
     window.get_by_label("Open another scene…");
     assert!(window.get_by_label("Export…").accesskit_node().is_disabled(), "there is nothing to export");
-}
-
-#[test]
-fn a_look_that_is_named_at_the_start_is_told_for_what_it_is() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("evening.look");
-    Look::default().save(&path).unwrap();
-    let mut window = open(Source::File(path));
-    wait(&mut window, |app| matches!(app.session().stage, Stage::Failed(..)));
-    assert!(window.query_all_by_label_contains("it is a look, which lights a scene").next().is_some());
 }
 
 #[test]

@@ -7,6 +7,7 @@ use eframe::egui::{ColorImage, Context};
 
 use super::App;
 use crate::action::FileTask;
+use crate::export::ImageFormat;
 use crate::export::layers::LayerSet;
 use crate::look::Look;
 use crate::panels::export::{ExportView, export_ui, frames_ui};
@@ -64,6 +65,7 @@ impl App {
             return;
         }
         self.say_begun(format!("Writing {}", path.display()));
+        self.export.format = ImageFormat::of(&path).unwrap_or_default();
         let (mut look, light) = (self.seen_look(), self.follower.final_lamp_light().cloned());
         if let Some(basis) = self.session.basis().filter(|_| self.export.layers == LayerSet::Groups) {
             look = crate::panels::lights::with_groups(basis, look, self.lights.layout.group_by);
@@ -109,9 +111,9 @@ impl App {
             }
             (FileTask::ExportFrames, Some(view)) => {
                 let timeline = &self.look.timeline;
-                let (frames, fps) = (0..=last_frame(&self.look, timeline.fps), timeline.fps);
-                let options = &mut self.export;
-                question.ui(ctx, |ui, path| frames_ui(ui, path, options, &view, (frames, fps)))
+                let (last, fps) = (last_frame(&self.look, timeline.fps), timeline.fps);
+                let (options, asked) = (&mut self.export, &mut self.asked_frames);
+                question.ui(ctx, |ui, path| frames_ui(ui, path, options, &view, (asked, last, fps)))
             }
             _ => question.ui(ctx, |_, _| None),
         };

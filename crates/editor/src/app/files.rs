@@ -9,8 +9,8 @@ use crate::action::{Action, FileTask};
 use crate::panels::dialogs::FileQuestion;
 use crate::session::Source;
 
-/// Recent files that are remembered.
-const MAX_RECENT: usize = 8;
+/// Recent files that are remembered, scenes and looks.
+const MAX_RECENT: usize = 12;
 /// Numbers that are tried for a name that is suggested.
 const MOST_TRIED: u32 = 1000;
 
@@ -20,6 +20,16 @@ fn unused_name(task: FileTask, folder: &Path, stem: &str, after: &str) -> String
     let plain = format!("{stem}{after}");
     let mut names = std::iter::once(plain.clone()).chain(numbered);
     names.find(|name| !task.replaces(&folder.join(name))).unwrap_or(plain)
+}
+
+/// What the window is called: its scene, the file of its look, and a dot before what is not saved.
+fn title_of(scene: &str, look: Option<&Path>, is_unsaved: bool) -> String {
+    if scene.is_empty() {
+        return "Clerestory".into();
+    }
+    let mark = if is_unsaved { "• " } else { "" };
+    let look = look.and_then(Path::file_name).map_or_else(String::new, |name| format!(", {}", name.display()));
+    format!("{mark}{scene}{look} – Clerestory")
 }
 
 impl App {
@@ -33,11 +43,13 @@ impl App {
         let unused = |after: &str| unused_name(task, &folder, stem, after);
         let own = self.look_path.clone().filter(|_| task == FileTask::SaveLook);
         let suggestion = match task {
-            FileTask::OpenScene | FileTask::OpenPictures | FileTask::OpenLook => String::new(),
+            FileTask::OpenScene | FileTask::OpenPictures => String::new(),
+            FileTask::OpenLook | FileTask::AddLooks => String::new(),
             FileTask::OpenProfile | FileTask::FindScene | FileTask::OpenTarget | FileTask::OpenSky => String::new(),
             FileTask::SaveSchedule => unused(".csv"),
+            FileTask::SaveValues => unused("-lux.csv"),
             FileTask::SaveLook => own.as_ref().map_or_else(|| unused(".look"), |path| path.display().to_string()),
-            FileTask::Export => unused(".png"),
+            FileTask::Export => unused(self.export.format.ending()),
             FileTask::SaveSheet => unused("-looks.png"),
             // A name with # of its own has two places for digits.
             FileTask::ExportFrames => unused_name(task, &folder, &stem.replace('#', "-"), "_####.png"),
@@ -47,6 +59,7 @@ impl App {
         if task != FileTask::SaveLook {
             self.after_saving = None;
         }
+        self.asked_frames = None;
         self.question = Some(FileQuestion::new(task, &suggestion, folder, own, self.dialogs));
     }
 
@@ -73,7 +86,12 @@ impl App {
 
     /// What is open now is the first of the recent files, however it was asked for.
     pub(super) fn remember_opened(&mut self) {
-        let Some(path) = self.session.opened.as_ref().and_then(|opened| opened.path.clone()) else { return };
+        let opened = self.session.opened.as_ref().and_then(|opened| opened.path.clone());
+        opened.into_iter().for_each(|path| self.remember(path));
+    }
+
+    /// A file is the first of the recent ones.
+    pub(super) fn remember(&mut self, path: PathBuf) {
         let absolute = std::path::absolute(&path).unwrap_or(path);
         self.recent.retain(|other| *other != absolute);
         self.recent.insert(0, absolute);
@@ -119,11 +137,23 @@ impl App {
 
     pub(super) fn set_title(&mut self, ctx: &Context) {
         let name = self.session.opened.as_ref().map_or("", |opened| opened.name.as_str());
-        let mark = if self.is_unsaved() { "• " } else { "" };
-        let title = if name.is_empty() { "Clerestory".into() } else { format!("{mark}{name} – Clerestory") };
+        let title = title_of(name, self.look_path.as_deref(), self.is_unsaved());
         if title != self.title {
             ctx.send_viewport_cmd(ViewportCommand::Title(title.clone()));
             self.title = title;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_window_is_called_by_its_scene_and_the_file_of_its_look() {
+        let look = Some(Path::new("/looks/evening.look"));
+        assert_eq!(title_of("", look, true), "Clerestory");
+        assert_eq!(title_of("hall.glb", None, false), "hall.glb – Clerestory");
+        assert_eq!(title_of("hall.glb", look, true), "• hall.glb, evening.look – Clerestory");
     }
 }

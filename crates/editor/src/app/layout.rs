@@ -1,7 +1,7 @@
 //! Where everything stands in the window: bars above and below, panels left and right, the picture between them, dialogs over it.
 
 use clerestory_transport::camera::Camera;
-use eframe::egui::{self, Context, Panel, Ui};
+use eframe::egui::{self, Context, Panel, Ui, ViewportCommand};
 
 use super::App;
 use super::habits::BakeHabits;
@@ -33,6 +33,12 @@ const CAMERA_BANNER: f32 = 50.0;
 const SETTINGS_WIDTH: f32 = 264.0;
 /// Least widths of the panel of lights and of the right panel, points.
 const PANELS_LEAST: [f32; 2] = [300.0, 252.0];
+
+/// Fills the screen with the window, or lets it go back.
+pub(super) fn toggle_full_screen(ctx: &Context) {
+    let is_full = ctx.input(|input| input.viewport().fullscreen) == Some(true);
+    ctx.send_viewport_cmd(ViewportCommand::Fullscreen(!is_full));
+}
 
 impl App {
     pub(super) fn dialogs_ui(&mut self, ctx: &Context) {
@@ -191,7 +197,7 @@ impl App {
                 can_redo: self.steps.can_redo(),
                 has_picture: self.follower.picture().is_some(),
                 is_unsaved: self.is_unsaved(),
-                has_look_file: self.look_path.is_some(),
+                look_file: self.look_path.as_deref(),
                 recent: &self.recent,
             };
             toolbar_ui(ui, &state, &mut self.actions);
@@ -205,6 +211,7 @@ impl App {
                 messages: &self.messages,
                 opening: self.session.is_opening(),
                 bake: &self.session.bake,
+                frames: self.session.frames(),
                 device: &device,
                 wish: self.follower.wish(),
                 size: self.follower.picture().map(|(_, size)| size),

@@ -1,6 +1,6 @@
 //! Looks from files and into them. They are read beside the window: a look may name a large map of the sky.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use eframe::egui::Context;
 
@@ -15,6 +15,15 @@ use crate::words::in_words;
 /// A look, what is odd about it, and how its file stood.
 type Read = Result<(Look, Vec<String>, OnDisk), String>;
 
+/// What a look is read for.
+#[derive(Clone, Copy)]
+enum Purpose {
+    /// It takes the place of the present one.
+    Open,
+    /// Its looks come behind those that there are.
+    Add,
+}
+
 /// A look, and how it stands to a file.
 #[derive(Clone)]
 struct Standing {
@@ -27,7 +36,7 @@ struct Standing {
 /// Looks that are being read, and the file of the one that is edited.
 pub(super) struct LookFiles {
     wake: Wake,
-    reading: Aside<(PathBuf, Read)>,
+    reading: Aside<(PathBuf, Purpose, Read)>,
     /// How the file of the look stood when it was last read or written here.
     pub(super) on_disk: Option<OnDisk>,
     /// Where the look goes if somebody says that what another program wrote there may be lost.
@@ -60,12 +69,21 @@ impl App {
     }
 
     pub(super) fn open_look(&mut self, path: PathBuf) {
+        self.read_look(path, Purpose::Open);
+    }
+
+    /// Adds the looks of a file to those that there are.
+    pub(super) fn add_looks(&mut self, path: PathBuf) {
+        self.read_look(path, Purpose::Add);
+    }
+
+    fn read_look(&mut self, path: PathBuf, purpose: Purpose) {
         if self.look_files.reading.is_busy() {
             return self.complain("another look is still being read; try again in a moment");
         }
         let started = self.look_files.reading.start("read look", &self.look_files.wake, move || {
             let read = Look::load_as_it_stands(&path).map_err(|error| in_words(&error));
-            (path, read)
+            (path, purpose, read)
         });
         if let Err(words) = started {
             self.complain(words);
@@ -75,8 +93,9 @@ impl App {
     /// Takes in a look that was read.
     pub(super) fn follow_look_files(&mut self) {
         match self.look_files.reading.take() {
-            Some(Ok((path, Ok(read)))) => self.take_look_of_file(path, read),
-            Some(Ok((_, Err(words))) | Err(words)) => self.complain(words),
+            Some(Ok((path, Purpose::Open, Ok(read)))) => self.take_look_of_file(path, read),
+            Some(Ok((path, Purpose::Add, Ok((look, warnings, _))))) => self.add_looks_of_file(&path, look, warnings),
+            Some(Ok((_, _, Err(words))) | Err(words)) => self.complain(words),
             None => {}
         }
     }
@@ -100,12 +119,32 @@ impl App {
         let rest =
             if is_whole { "" } else { "; saving asks for another file, since what was left out is in this one alone" };
         let problem = format!("{}: {}{rest}", path.display(), warnings.join(", "));
+        self.remember(path.clone());
         let file = is_whole.then_some((path, on_disk));
         self.saved_look = look;
         (self.look_path, self.look_files.on_disk) = file.unzip();
         let after = self.standing();
         self.look_files.opened.push([before, after]);
         if warnings.is_empty() { self.say(words) } else { self.complain(problem) }
+    }
+
+    /// Adds the looks of a file that was read; the lights, and what is made of the scene, stay as they are.
+    fn add_looks_of_file(&mut self, path: &Path, mut other: Look, mut warnings: Vec<String>) {
+        other.scene = self.look.scene.clone();
+        if let Some(basis) = self.session.basis() {
+            warnings.extend(other.unheeded(basis));
+            other.rigs_mut().for_each(|rig| rig.lamps.retain(|lamp| basis.source(&lamp.key).is_none()));
+        }
+        let stem = path.file_stem().map_or_else(|| "Look".into(), |stem| stem.to_string_lossy().into_owned());
+        let mut n_added = None;
+        self.as_one_step(|app| n_added = app.look.add_all(other, &stem));
+        let file = path.display();
+        match n_added {
+            None => self.complain(format!("{file} has more looks than there is room for here; delete some first")),
+            Some(_) if !warnings.is_empty() => self.complain(format!("{file}: {}", warnings.join(", "))),
+            Some(1) => self.say(format!("Added the look of {file}")),
+            Some(n_added) => self.say(format!("Added {n_added} looks of {file}")),
+        }
     }
 
     fn standing(&self) -> Standing {
@@ -145,6 +184,7 @@ impl App {
         match self.look.save(&path) {
             Ok(on_disk) => {
                 self.say(format!("Saved {}", path.display()));
+                self.remember(path.clone());
                 (self.saved_look, self.look_path) = (self.look.clone(), Some(path));
                 self.look_files.on_disk = Some(on_disk);
                 self.actions.extend(self.after_saving.take());

@@ -280,7 +280,8 @@ impl App {
         let inputs: Vec<_> = inputs.into_iter().filter_map(|(what, path)| Some((what, path?))).collect();
         let read: Vec<(&'static str, &Path)> = inputs.iter().map(|(what, path)| (*what, path.as_path())).collect();
         let sequence = Pattern::new(path).and_then(|pattern| {
-            let sequence = Sequence::new(self.heard_look(), pattern, None, None)?;
+            let asked = self.asked_frames.map(|[first, last]| first..=last);
+            let sequence = Sequence::new(self.heard_look(), pattern, asked, None)?;
             sequence.spare(&read)?;
             // Frames have no layers, and a light that arrives where it was baked alone.
             let options = ExportOptions { layers: LayerSet::None, irradiance: false, ..self.export };

@@ -18,7 +18,8 @@ pub(super) struct Opening {
 impl App {
     /// Holds back what is for a scene that is not open yet.
     pub(super) fn hold(&mut self, action: Action) -> Option<Action> {
-        let is_for_it = matches!(action, Action::OpenLook(_) | Action::UseSky(_));
+        let is_of_look = matches!(action, Action::OpenLook(_) | Action::AddLooks(_) | Action::MatchPicture(_));
+        let is_for_it = is_of_look || matches!(action, Action::UseSky(_));
         if !is_for_it || !self.awaits_scene() {
             return Some(action);
         }

@@ -107,6 +107,18 @@ impl App {
         }
     }
 
+    /// Does what the button of the bake panel offers, which is no start while a bake runs or can go on: a key must not throw away hours.
+    pub(super) fn bake_by_key(&mut self) {
+        let (settings, camera) = (&self.settings, self.camera.camera.as_ref());
+        if self.session.is_baking_stack() || self.session.is_baking(settings, camera) {
+            self.say("This bake runs already; “Cancel bake” stops it");
+        } else if self.session.n_resumable(settings, camera) > 0 {
+            self.session.resume_bake(settings, camera);
+        } else {
+            self.bake_as_asked();
+        }
+    }
+
     pub(super) fn start_bake(&mut self) {
         self.follow_work_plane();
         self.keep_work_plane();

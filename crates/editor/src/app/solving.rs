@@ -11,12 +11,13 @@ use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sensors::node_floor_area_m2;
 use eframe::egui::Ui;
+use glam::Vec3;
 
 use super::App;
 use super::floor::SceneFloor;
-use crate::illuminance::{LuxFigures, of_grid, of_marks};
+use crate::illuminance::{LuxFigures, of_grid, of_marks, write_points};
 use crate::look::Look;
-use crate::look::wishes::{Wanted, Where};
+use crate::look::wishes::{Wanted, Where, Wishes};
 use crate::marks::{Framing, Kin, Marks, Seen};
 use crate::output::PendingFile;
 use crate::panels::lights::heard;
@@ -62,8 +63,9 @@ pub(super) struct Solving {
     reading: Aside<(PathBuf, Reading, Result<TargetPicture, String>)>,
     /// Pictures of wishes, by their files.
     pictures: Pictures,
-    /// The lights as they were when solving began.
+    /// The lights as they were when solving began, and the wishes.
     solved_from: LightRig,
+    solved_for: Wishes,
 }
 
 /// What a picture is read for.
@@ -96,10 +98,15 @@ struct Measured {
     by_area: bool,
 }
 
+/// Places and their lux.
+type Points = Vec<(Vec3, f32)>;
+
 #[derive(Clone, Default)]
 struct Figures {
     marked: Option<LuxFigures>,
     grids: Vec<(String, LuxFigures)>,
+    /// Of the same grids the points, meters and lux.
+    points: Arc<Vec<(String, Points)>>,
     /// Which lamps do not count, and why.
     left_out: Option<String>,
 }
@@ -133,6 +140,7 @@ impl Solving {
             reading: Aside::default(),
             pictures: Pictures::new(),
             solved_from: LightRig::default(),
+            solved_for: Wishes::default(),
         }
     }
 
@@ -302,11 +310,13 @@ impl App {
                 let light = (&of.rig, &added);
                 let marked =
                     of.marks.as_ref().map(|marks| of_marks(&bake, light, marks, seen.as_deref())).transpose()?;
-                let grid = |(set, grid)| -> anyhow::Result<(String, LuxFigures)> {
-                    let points = of_grid(&bake, (set, grid), light)?;
-                    Ok((grid.name.clone(), LuxFigures::of(points.iter().map(|(_, lux)| (f64::from(*lux), 1.0)))))
-                };
-                Ok(Figures { marked, grids: bake.grids().map(grid).collect::<anyhow::Result<_>>()?, left_out })
+                let points = bake.grids().map(|(set, grid)| -> anyhow::Result<(String, Points)> {
+                    Ok((grid.name.clone(), of_grid(&bake, (set, grid), light)?))
+                });
+                let points = points.collect::<anyhow::Result<Vec<_>>>()?;
+                let figures = |points: &Points| LuxFigures::of(points.iter().map(|(_, lux)| (f64::from(*lux), 1.0)));
+                let grids = points.iter().map(|(name, points)| (name.clone(), figures(points))).collect();
+                Ok(Figures { marked, grids, points: Arc::new(points), left_out })
             };
             let figures = figures().map_err(|error| in_words(&error));
             (of, figures)
@@ -345,7 +355,7 @@ impl App {
         let lamps = lamps.unwrap_or_default();
         let seen = self.solving.seen(View::of(&self.session).as_ref());
         let scene = Scene { bake: shown.bake(), rig: rig.clone(), lamps, seen };
-        self.solving.solved_from = rig;
+        (self.solving.solved_from, self.solving.solved_for) = (rig, self.look.wishes.clone());
         let started = self
             .solving
             .solving
@@ -404,7 +414,7 @@ impl App {
                 if !self.look.wishes.has_room() {
                     return self.complain("there are as many wishes as a look holds; remove one first");
                 }
-                self.say(format!("{name} is among the wishes"));
+                self.say(format!("{name} is among the wishes of Solve for light"));
                 self.solving.pictures.insert(file.clone(), Ok(Arc::new(picture)));
                 self.look.wishes.push(&name, Where::Whole, Wanted::Match { file, tone: None, exposure_ev: None });
             }
@@ -461,6 +471,18 @@ impl App {
                 };
                 self.say(format!("Saved {}{untold}", path.display()));
             }
+            Err(error) => self.complain(in_words(&error)),
+        }
+    }
+
+    /// Writes what the points of the sensor grids read, as it was measured last.
+    pub(super) fn save_values(&mut self, path: &Path) {
+        let Some(points) = self.solving.measured.as_ref().map(|(_, figures)| figures.points.clone()) else {
+            return self.complain("no sensors were read yet; wait for the bake, or lay a work plane and bake it");
+        };
+        let grids = points.iter().map(|(name, points)| (name.as_str(), &points[..]));
+        match PendingFile::create(path).and_then(|place| place.commit(|writer| write_points(writer, grids))) {
+            Ok(()) => self.say(format!("Saved {}", path.display())),
             Err(error) => self.complain(in_words(&error)),
         }
     }
@@ -527,6 +549,7 @@ impl App {
                 () if self.solving.solving.is_busy() => Some("Looking for the lights"),
                 () => None,
             },
+            is_outdated: self.look.wishes != self.solving.solved_for,
             is_soloed: !self.lights.solo.is_empty(),
             here: here(&self.session, &self.solving.pictures),
             lux_bake,

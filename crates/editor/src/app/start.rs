@@ -1,6 +1,6 @@
 //! How the window starts, and with which settings.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -9,7 +9,9 @@ use eframe::egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use eframe::wgpu;
 
 use super::host::run_windows;
+use super::icon::icon;
 use super::recovery;
+use crate::action::{Action, opened};
 use crate::bake_cache::BakeCache;
 use crate::crash;
 use crate::panels::dialogs::FileDialogs;
@@ -39,6 +41,19 @@ impl Start {
     }
 }
 
+/// What is opened first, and the look that it is lit by: one that is opened alone goes with the scene that was open last, where that is
+/// still there.
+pub(super) fn with_its_scene(source: Source, recent: &[PathBuf]) -> (Source, Option<PathBuf>) {
+    let is_look = |path: &Path| matches!(opened(path.to_path_buf()), Action::OpenLook(_));
+    match source {
+        Source::File(path) if is_look(&path) => {
+            let last = recent.iter().find(|scene| !is_look(scene) && scene.exists()).cloned();
+            (last.map_or(Source::BuiltIn, Source::File), Some(path))
+        }
+        source => (source, None),
+    }
+}
+
 /// Opens the window and stays until it is closed.
 ///
 /// # Errors
@@ -64,6 +79,7 @@ fn options() -> eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
             .with_title("Clerestory")
             .with_app_id("clerestory")
+            .with_icon(icon())
             .with_inner_size([1440.0, 900.0])
             .with_min_inner_size([900.0, 600.0])
             .with_drag_and_drop(true),

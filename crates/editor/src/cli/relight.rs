@@ -22,7 +22,7 @@ use super::view::{
     warn_of_unknown_lights,
 };
 use super::{picture, sheet::sheet};
-use crate::export::layers::{FREE_LAMPS, LayerSet, layer_name};
+use crate::export::layers::LayerSet;
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
 use crate::illuminance::{AddedLux, seen_irradiance};
 use crate::look::{Look, Units};
@@ -189,16 +189,11 @@ impl Lit {
     fn layers(&mut self, bake: &Bake, look: &Look, lamps: &[LampLight], set: LayerSet) -> Result<Vec<LightLayer>> {
         let relighter = &mut self.relighter;
         let mut layers = set.layers(&bake.header.basis, look, &self.coefficients, |c| relighter.relight(c))?;
-        let mut of_lamps = if set == LayerSet::None { Vec::new() } else { relighter.lamp_layers(bake, lamps)? };
-        if set == LayerSet::Groups
-            && let Some((first, others)) = of_lamps.split_first_mut()
-        {
-            others.iter().for_each(|other| first.radiance.add(&other.radiance));
-            first.key = FREE_LAMPS.into();
-            of_lamps.truncate(1);
+        let keys: Vec<&str> = lamps.iter().map(|lamp| lamp.key.as_str()).collect();
+        for (key, members) in set.lamp_parts(&keys, look) {
+            let radiance = relighter.light_of(bake, members.into_iter().map(|idx| &lamps[idx]))?;
+            set.take_in(&mut layers, LightLayer { key, radiance });
         }
-        of_lamps.iter_mut().filter(|_| set == LayerSet::Lights).for_each(|lamp| lamp.key = layer_name(&lamp.key, look));
-        layers.extend(of_lamps);
         Ok(layers)
     }
 }
@@ -298,18 +293,14 @@ impl Relighter {
         self.refusal.iter().for_each(|words| console.warn(words));
     }
 
-    /// What each lamp of the look adds.
-    fn lamp_layers(&mut self, bake: &Bake, lamps: &[LampLight]) -> Result<Vec<LightLayer>> {
-        let dark: Vec<Vec<[f32; 3]>> =
+    /// What some lamps of the look add.
+    fn light_of<'a>(&mut self, bake: &Bake, lamps: impl Iterator<Item = &'a LampLight> + Clone) -> Result<Radiance> {
+        let mut coefficients: Vec<Vec<[f32; 3]>> =
             bake.header.basis.groups.iter().map(|group| vec![[0.0; 3]; group.columns.len()]).collect();
-        let layer = |lamp: &LampLight| {
-            let mut coefficients = dark.clone();
-            bake.header.add_of_patches(&mut coefficients, &lamp.of_patches);
-            let mut radiance = self.relight(&coefficients)?;
-            radiance.add(&lamp.direct);
-            Ok(LightLayer { key: lamp.key.clone(), radiance })
-        };
-        lamps.iter().map(layer).collect()
+        lamps.clone().for_each(|lamp| bake.header.add_of_patches(&mut coefficients, &lamp.of_patches));
+        let mut radiance = self.relight(&coefficients)?;
+        lamps.for_each(|lamp| radiance.add(&lamp.direct));
+        Ok(radiance)
     }
 
     pub(super) fn words(&self) -> String {

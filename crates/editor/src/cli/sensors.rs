@@ -1,6 +1,5 @@
 //! `clerestory sensors`: how many lux arrive at the grids of a baked scene.
 
-use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -16,10 +15,9 @@ use super::args::SensorsArgs;
 use super::console::{Answer, Console};
 use super::lamps::{DIRECT_LUX, prepared, stage, warn_of_no_lamps};
 use super::view::{load_bake, load_look, or_of_file, spare_look, warn_of_unknown_lights};
-use crate::illuminance::{AddedLux, FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words};
+use crate::illuminance::{AddedLux, FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words, write_points};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
-use crate::table::text_cell;
 
 /// What the sensors of a grid say.
 struct Readings<'a> {
@@ -68,7 +66,7 @@ pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answe
     }
     warn_of_unknown_lights(&bake.header.basis, &look, console);
     if let Some(place) = place {
-        place.commit(|writer| write_table(writer, &all))?;
+        place.commit(|writer| write_points(writer, all.iter().map(|of| (of.grid.name.as_str(), &of.points[..]))))?;
     }
     let summaries: Vec<Summary> = all.iter().map(Readings::summary).collect();
     let mut lines: Vec<String> = summaries.iter().map(Summary::words).collect();
@@ -142,18 +140,6 @@ impl Summary {
     }
 }
 
-/// Comma-separated, quoted as RFC 4180 asks: every grid with its points, meters and lux.
-fn write_table(writer: &mut impl Write, all: &[Readings]) -> Result<()> {
-    writeln!(writer, "grid,x,y,z,lux")?;
-    for Readings { grid, points } in all {
-        let name = text_cell(&grid.name);
-        for (point, lux) in points {
-            writeln!(writer, "{name},{},{},{},{lux}", point.x, point.y, point.z)?;
-        }
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -172,13 +158,5 @@ mod tests {
         assert!((told.uniformity.unwrap() - 1.0 / 3.0).abs() < 1e-12);
         let dark = Readings { grid: &grid, points: vec![(Vec3::ZERO, 0.0)] }.summary();
         assert_eq!((dark.average_lux, dark.uniformity), (0.0, None));
-    }
-
-    #[test]
-    fn names_with_commas_and_quotes_stay_one_field() {
-        let grid = grid("desk, \"left\"");
-        let mut table = Vec::new();
-        write_table(&mut table, &[Readings { grid: &grid, points: vec![(Vec3::new(0.5, 0.0, 1.0), 12.5)] }]).unwrap();
-        assert_eq!(String::from_utf8(table).unwrap(), "grid,x,y,z,lux\n\"desk, \"\"left\"\"\",0.5,0,1,12.5\n");
     }
 }

@@ -33,7 +33,7 @@ pub enum LayerSet {
     Lights,
 }
 
-/// Name of the layer of lamps that the scene does not have, where they are not told apart.
+/// Name of the layer of lamps that the scene does not have, where they are neither told apart nor in a group of the look.
 pub const FREE_LAMPS: &str = "free lamps";
 
 /// Name of the kind that a light belongs to.
@@ -81,6 +81,32 @@ impl LayerSet {
             }
         }
         parts
+    }
+
+    /// Layers of free lamps, and the indices of those in each: told apart by light, else those of one group of the look together.
+    pub fn lamp_parts(self, keys: &[&str], look: &Look) -> Vec<(String, Vec<usize>)> {
+        let mut parts: Vec<(String, Vec<usize>)> = Vec::new();
+        for (idx, key) in keys.iter().enumerate() {
+            let name = match self {
+                LayerSet::None => continue,
+                LayerSet::Lights => layer_name(key, look),
+                LayerSet::Groups => group_of(key, look).unwrap_or_else(|| FREE_LAMPS.to_owned()),
+            };
+            match parts.iter_mut().find(|(other, _)| self == LayerSet::Groups && *other == name) {
+                Some((_, lamps)) => lamps.push(idx),
+                None => parts.push((name, vec![idx])),
+            }
+        }
+        parts
+    }
+
+    /// Takes in a layer of free lamps: the lights of the scene that are in their group have one already.
+    pub fn take_in(self, layers: &mut Vec<LightLayer>, lamps: LightLayer) {
+        let own = layers.iter_mut().find(|layer| self == LayerSet::Groups && layer.key == lamps.key);
+        match own {
+            Some(layer) => layer.radiance.add(&lamps.radiance),
+            None => layers.push(lamps),
+        }
     }
 
     /// The parts of a picture under some coefficients, one RGB per column and group; `relight` makes a picture of such. Columns
@@ -164,6 +190,26 @@ mod tests {
             columns.sort_unstable();
             assert_eq!(columns, (0..basis.n_cols() as u32).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    fn free_lamps_go_with_the_group_of_the_look_that_has_them() {
+        let mut look = Look::default();
+        let lights = ["desk", "Lamp 1"].map(String::from).into();
+        look.lights.groups.insert("work".into(), LightGroup { lights, intensity: 1.0, muted: false });
+        let parts = |set: LayerSet| set.lamp_parts(&["Lamp 1", "Lamp 2", "Lamp 3"], &look);
+        assert_eq!(parts(LayerSet::Groups), [("work".to_owned(), vec![0]), (FREE_LAMPS.to_owned(), vec![1, 2])]);
+        assert_eq!((parts(LayerSet::Lights).len(), parts(LayerSet::None).len()), (3, 0));
+        let layer = |key: &str, light: f32| {
+            let radiance = Radiance { width: 1, height: 1, pixels: vec![[light; 3]] };
+            LightLayer { key: key.into(), radiance }
+        };
+        let mut layers = vec![layer("work", 1.0)];
+        LayerSet::Groups.take_in(&mut layers, layer("work", 2.0));
+        LayerSet::Groups.take_in(&mut layers, layer(FREE_LAMPS, 4.0));
+        LayerSet::Lights.take_in(&mut layers, layer("work", 8.0));
+        let told = layers.iter().map(|layer| (layer.key.as_str(), layer.radiance.pixels[0][0]));
+        assert_eq!(told.collect::<Vec<_>>(), [("work", 3.0), (FREE_LAMPS, 4.0), ("work", 8.0)]);
     }
 
     #[test]

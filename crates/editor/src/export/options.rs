@@ -98,6 +98,8 @@ impl Region {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ExportOptions {
+    /// Kind of the picture that was written last, and is suggested for the next one.
+    pub format: ImageFormat,
     /// Of a PNG.
     pub depth: PngDepth,
     /// Of an EXR.

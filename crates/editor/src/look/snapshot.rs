@@ -90,6 +90,27 @@ impl Look {
         self.snapshots.push(Snapshot { name, ..snapshot });
     }
 
+    /// Adds the looks of another document behind those that there are, each under a free name; what it has now is one of them, called
+    /// `stem`, unless it was kept. What is lit and what is on stays. Answers how many came; none where a file does not hold them all.
+    pub fn add_all(&mut self, other: Look, stem: &str) -> Option<usize> {
+        let present = Snapshot { name: stem.to_owned(), lights: other.lights, display: other.display };
+        let is_kept = |kept: &Snapshot| (&kept.lights, &kept.display) == (&present.lights, &present.display);
+        let is_new = !other.snapshots.iter().any(is_kept);
+        let added: Vec<Snapshot> = other.snapshots.into_iter().chain(is_new.then_some(present)).collect();
+        let n_added = added.len();
+        if !self.has_room(n_added) {
+            return None;
+        }
+        for snapshot in added {
+            let name = self.free_name(&snapshot.name);
+            self.snapshots.push(Snapshot { name, ..snapshot });
+        }
+        for (key, name) in other.names {
+            self.names.entry(key).or_insert(name);
+        }
+        Some(n_added)
+    }
+
     /// Lights the scene as a snapshot says.
     pub fn take(&mut self, idx: usize) {
         let Some(snapshot) = self.snapshots.get(idx) else { return };
@@ -258,6 +279,26 @@ mod tests {
         assert_eq!(names(&look), ["B", "Dawn", "Dawn 2"]);
         look.delete(1);
         assert_eq!((names(&look), look.on.as_deref(), look.timeline.keys.len()), (vec!["B", "Dawn 2"], None, 1));
+    }
+
+    #[test]
+    fn looks_of_another_document_come_behind_under_free_names() {
+        let (mut look, mut other) = (lit(1.5), lit(2.5));
+        look.keep("Day");
+        other.keep("Day");
+        other.names.insert("lamp".into(), "Desk".into());
+        let before = (look.lights.clone(), look.on.clone());
+        assert_eq!(look.add_all(other.clone(), "evening"), Some(1), "its present look was kept");
+        other.lights = lit(3.5).lights;
+        assert_eq!(look.add_all(other.clone(), "evening"), Some(2));
+        assert_eq!(names(&look), ["Day", "Day 2", "Day 3", "evening"]);
+        assert_eq!((look.snapshots[3].lights.lights["lamp"].intensity, look.name_of("lamp")), (3.5, "Desk"));
+        assert_eq!((look.lights.clone(), look.on.clone()), before);
+        while look.has_room(2) {
+            look.keep("Look");
+        }
+        let n = look.snapshots.len();
+        assert_eq!((look.add_all(other, "evening"), look.snapshots.len()), (None, n), "all or none");
     }
 
     #[test]

@@ -89,6 +89,16 @@ pub enum Wanted {
     },
 }
 
+impl Entry {
+    /// Pixels that it marks.
+    pub fn n_marked(&self) -> usize {
+        match &self.place {
+            Where::Marked(marked) => marked.marks.pixels().len(),
+            Where::Whole | Where::Sensors(_) => 0,
+        }
+    }
+}
+
 impl Default for Wishes {
     fn default() -> Self {
         let usual = Request::default();
@@ -105,11 +115,12 @@ impl Wishes {
 
     /// The same of one that marks so many pixels.
     pub fn has_room_for(&self, n_marked: usize) -> bool {
-        let marked = self.list.iter().map(|entry| match &entry.place {
-            Where::Marked(marked) => marked.marks.pixels().len(),
-            Where::Whole | Where::Sensors(_) => 0,
-        });
-        self.has_room() && marked.sum::<usize>().saturating_add(n_marked) <= MOST_MARKED
+        self.has_room() && n_marked <= self.n_left()
+    }
+
+    /// Pixels that a file can mark beside these.
+    pub fn n_left(&self) -> usize {
+        MOST_MARKED.saturating_sub(self.list.iter().map(Entry::n_marked).sum())
     }
 
     /// One more wish; its name tells it from the others.

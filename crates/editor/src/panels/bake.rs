@@ -38,6 +38,16 @@ pub const QUALITIES: [Quality; 4] = [
     Quality { name: "High", spp: 1024, tolerance_db: 46.0 },
 ];
 
+impl Quality {
+    /// What it is in numbers, for people.
+    fn hint(&self) -> String {
+        let Quality { spp, tolerance_db, .. } = self;
+        // Of an amplitude, as 20 dB are a tenth.
+        let percent = 100.0 * 10f32.powf(-tolerance_db / 20.0);
+        format!("{tolerance_db:.0} dB, {percent:.1} % of the peak of the lights, with at most {spp} samples per pixel")
+    }
+}
+
 /// What somebody who wants a limit begins with, bytes.
 const DEFAULT_LIMIT_BYTES: u64 = 8_000_000_000;
 /// Pixels along a side of a bake in the window.
@@ -272,7 +282,8 @@ fn quality_ui(ui: &mut Ui, config: &mut BakeConfig, label: egui::Id) {
     let combo = egui::ComboBox::from_id_salt("quality").width(ui.available_width());
     let combo = combo.selected_text(current.map_or("Custom", |q| q.name)).show_ui(ui, |ui| {
         for quality in &QUALITIES {
-            if ui.selectable_label(current == Some(quality), quality.name).clicked() {
+            let choice = ui.selectable_label(current == Some(quality), quality.name);
+            if choice.on_hover_text(quality.hint()).clicked() {
                 (config.spp, config.tolerance_db) = (quality.spp, quality.tolerance_db);
             }
         }
@@ -458,6 +469,13 @@ mod tests {
     fn the_final_quality_is_the_default_of_the_command_line() {
         let config = BakeConfig::default();
         assert_eq!((QUALITIES[2].spp, QUALITIES[2].tolerance_db), (config.spp, config.tolerance_db));
+    }
+
+    #[test]
+    fn a_quality_says_what_it_is_in_numbers() {
+        let hints = QUALITIES.map(|quality| quality.hint());
+        assert_eq!(hints[1], "32 dB, 2.5 % of the peak of the lights, with at most 64 samples per pixel");
+        assert!(hints[0].starts_with("26 dB, 5.0 %") && hints[2].starts_with("40 dB, 1.0 %"), "{hints:?}");
     }
 
     #[test]

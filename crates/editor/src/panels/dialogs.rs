@@ -6,10 +6,19 @@ use std::sync::Arc;
 use std::task::{Context as TaskContext, Poll, Wake, Waker};
 use std::time::Duration;
 
-use eframe::egui::{self, Button, Context, Key, Modal, RichText, TextEdit, Ui};
+use eframe::egui::{self, Button, Context, Key, Modal, RichText, ScrollArea, TextEdit, Ui};
 
+use super::sight::keep_in_sight;
 use crate::action::{Action, FileTask};
 use crate::theme;
+
+/// Width of a question about a file, and of one about work, points, and what of the window stays beside it at least.
+const WIDTH: f32 = 460.0;
+const ANSWERS_WIDTH: f32 = 400.0;
+const BESIDE: f32 = 40.0;
+/// Points that title, field and buttons take beside what else is asked, and the least that is left for this.
+const BELOW: f32 = 210.0;
+const LEAST: f32 = 64.0;
 
 type Answer = Pin<Box<dyn Future<Output = Option<PathBuf>>>>;
 
@@ -194,11 +203,23 @@ impl FileQuestion {
                 }
             };
         }
+        let room = ctx.content_rect().size();
         let modal = Modal::new(egui::Id::unique("file question")).show(ctx, |ui| {
-            ui.set_width(460.0);
+            ui.set_width(WIDTH.min(room.x - BESIDE));
             ui.label(RichText::new(self.task.title()).heading().strong());
             ui.add_space(6.0);
-            let problem = above(ui, &mut self.path);
+            let problem = if self.task.asks_more() {
+                // In a small window, or with large letters, the field and its buttons stay in sight.
+                let area = ScrollArea::vertical().id_salt("asked").auto_shrink([false, true]);
+                let asked = area.max_height((room.y - BELOW).max(LEAST)).show(ui, |ui| {
+                    let problem = above(ui, &mut self.path);
+                    keep_in_sight(ui, "file question");
+                    problem
+                });
+                asked.inner
+            } else {
+                above(ui, &mut self.path)
+            };
             self.field_ui(ui, problem)
         });
         if modal.inner.is_none() && modal.should_close() { Some(None) } else { modal.inner }
@@ -408,7 +429,7 @@ impl<A: Copy> Answers<A> {
         let Answers { best: (best_label, best), back, lose: (lose_label, lose) } = self;
         let mut chosen = None;
         let modal = Modal::new(egui::Id::unique(title)).show(ctx, |ui| {
-            ui.set_width(400.0);
+            ui.set_width(ANSWERS_WIDTH.min(ctx.content_rect().width() - BESIDE));
             ui.label(RichText::new(title).heading().strong());
             ui.add_space(4.0);
             ui.label(words);

@@ -1,6 +1,5 @@
 //! What is asked about a picture file beside its name.
 
-use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use eframe::egui::{self, Button, ComboBox, RichText, Ui};
@@ -83,20 +82,28 @@ fn whole(task: FileTask, path: &str) -> PathBuf {
     task.whole(PathBuf::from(path.trim()))
 }
 
-/// Asks how frames are written, and says how many there will be. Answers what is wrong, in words.
+/// How many frames are asked for of those up to `last`; all where nobody asks.
+fn n_asked(asked: Option<[u32; 2]>, last: u32) -> u32 {
+    let [first, end] = asked.unwrap_or([0, last]);
+    end.saturating_sub(first).saturating_add(1)
+}
+
+/// Asks which frames are written and how, and says how many there will be. Answers what is wrong, in words.
 pub fn frames_ui(
     ui: &mut Ui,
     path: &mut String,
     options: &mut ExportOptions,
     view: &ExportView,
-    (frames, fps): (RangeInclusive<u32>, f32),
+    (asked, last, fps): (&mut Option<[u32; 2]>, u32, f32),
 ) -> Option<String> {
     let meant = whole(FileTask::ExportFrames, path);
     let format = ImageFormat::of(&meant).ok();
-    let n_frames = frames.end() - frames.start() + 1;
     egui::Grid::new("frames").num_columns(2).spacing([14.0, 7.0]).show(ui, |ui| {
         ui.label("Frames");
-        ui.label(format!("{n_frames} of {fps} in a second"));
+        ui.horizontal(|ui| range_ui(ui, asked, last));
+        ui.end_row();
+        ui.label("");
+        ui.label(format!("{} of {fps} in a second", n_asked(*asked, last)));
         ui.end_row();
         ui.label("Format");
         ui.horizontal(|ui| format_ui(ui, path, format));
@@ -114,6 +121,7 @@ pub fn frames_ui(
         view_row(ui, options, view);
     });
     ui.add_space(4.0);
+    let n_frames = n_asked(*asked, last);
     if n_frames > MOST_FRAMES {
         return Some(format!(
             "{n_frames} frames are more than the {MOST_FRAMES} that a sequence may have; put the last key earlier, or take fewer \
@@ -122,6 +130,22 @@ pub fn frames_ui(
     }
     let unnamed = Pattern::new(&meant).err().filter(|_| !path.trim().is_empty());
     unnamed.or(options.window(view.baked).err()).map(|error| error.to_string())
+}
+
+/// From which frame to which.
+fn range_ui(ui: &mut Ui, asked: &mut Option<[u32; 2]>, last: u32) {
+    let [mut from, mut to] = asked.unwrap_or([0, last]);
+    let first = ui.add(Number::new(&mut from).range(0..=last));
+    let first = first.on_hover_text("Number of the first frame that is written").accessible_name("First frame");
+    ui.label("to");
+    let end = ui.add(Number::new(&mut to).range(0..=last));
+    let end = end.on_hover_text("Number of the last frame that is written").accessible_name("Last frame");
+    // The one that is changed takes the other along.
+    if first.changed() {
+        *asked = Some([from, to.max(from)]);
+    } else if end.changed() {
+        *asked = Some([from.min(to), to]);
+    }
 }
 
 fn format_ui(ui: &mut Ui, path: &mut String, format: Option<ImageFormat>) {

@@ -138,12 +138,11 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView
         if keep.on_disabled_hover_text(FULL).clicked() {
             look.keep("Look");
         }
-        ui.add_enabled_ui(view.basis.is_some() && look.has_room(Preset::ALL.len()), |ui| {
-            let why = if view.basis.is_none() { NO_SCENE } else { FULL };
-            ui.menu_button("Presets", |ui| presets_menu(ui, look, view.basis))
+        ui.add_enabled_ui(look.has_room(1), |ui| {
+            ui.menu_button("Presets", |ui| presets_menu(ui, look, view.basis, actions))
                 .response
-                .on_hover_text("Looks made of what the scene has")
-                .on_disabled_hover_text(why);
+                .on_hover_text("Looks made of what the scene has, and those of another file")
+                .on_disabled_hover_text(FULL);
         });
         if !look.snapshots.is_empty() {
             ui.separator();
@@ -187,21 +186,32 @@ fn tools_ui(ui: &mut Ui, look: &Look, state: &mut LooksState) {
     }
 }
 
-fn presets_menu(ui: &mut Ui, look: &mut Look, basis: Option<&LightBasis>) {
-    let Some(basis) = basis else { return };
+fn presets_menu(ui: &mut Ui, look: &mut Look, basis: Option<&LightBasis>, actions: &mut Vec<Action>) {
+    let usable = basis.filter(|_| look.has_room(Preset::ALL.len()));
+    let why = if basis.is_none() { NO_SCENE } else { FULL };
+    let button = |ui: &mut Ui, words: &str| {
+        let button = ui.add_enabled(usable.is_some(), Button::new(words)).on_disabled_hover_text(why);
+        usable.filter(|_| button.clicked())
+    };
     for (preset, _, words) in Preset::ALL {
-        if ui.button(words).clicked() {
+        if let Some(basis) = button(ui, words) {
             add_preset(look, preset, basis);
             ui.close();
         }
     }
     ui.separator();
-    if ui.button("All four").clicked() {
+    if let Some(basis) = button(ui, "All four") {
         for (preset, ..) in Preset::ALL {
             add_preset(look, preset, basis);
         }
         let first = look.snapshots.len() - Preset::ALL.len();
         look.take(first);
+        ui.close();
+    }
+    ui.separator();
+    let hint = "Add the looks of a .look file to these; the lights stay as they are";
+    if ui.button("Looks of a file…").on_hover_text(hint).clicked() {
+        actions.push(Action::Ask(FileTask::AddLooks));
         ui.close();
     }
 }

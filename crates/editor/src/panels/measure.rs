@@ -143,6 +143,12 @@ pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions:
             ui.label(RichText::new(name).strong()).on_hover_text("A sensor grid of the bake");
             figures_ui(ui, name, figures);
         }
+        if !view.grids.is_empty() {
+            let hint = "A table of all points of these sensor grids: place in m, and lux";
+            if ui.button("Save values…").on_hover_text(hint).clicked() {
+                actions.push(Action::Ask(FileTask::SaveValues));
+            }
+        }
         if view.counts_direct_only && (view.marked.is_some() || !view.grids.is_empty()) {
             ui.label(RichText::new("Of added lamps only the direct light counts").weak())
                 .on_hover_text("Bake with “Movable lamps” and “Illuminance” on to count what surfaces make of it");

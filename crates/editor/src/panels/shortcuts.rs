@@ -1,6 +1,7 @@
 //! Keys: which there are, what they do, and the window that lists them.
 
 use eframe::egui::gui_zoom::kb_shortcuts::{ZOOM_IN, ZOOM_OUT, ZOOM_RESET};
+use eframe::egui::os::OperatingSystem;
 use eframe::egui::text_selection::LabelSelectionState;
 use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers, Ui};
 
@@ -49,6 +50,15 @@ pub const DUPLICATE: KeyboardShortcut = command(Key::D);
 pub const ALL_LIGHTS: KeyboardShortcut = command(Key::A);
 const AIM: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::A);
 const HELP: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
+const CLOSE: KeyboardShortcut = command(Key::Q);
+
+/// Fills the screen with the window; a Mac has another use for F11.
+pub fn full_screen(ctx: &Context) -> KeyboardShortcut {
+    match ctx.os() {
+        OperatingSystem::Mac => KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::CTRL), Key::F),
+        _ => KeyboardShortcut::new(Modifiers::NONE, Key::F11),
+    }
+}
 
 /// Pushes what the keys that were pressed ask for. Keys that a text field wants stay with it; while a question waits for its answer they
 /// are for the question.
@@ -73,7 +83,9 @@ pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
     take(&SAVE_AS, Action::Ask(FileTask::SaveLook));
     take(&SAVE, Action::SaveLookAgain);
     take(&EXPORT, Action::Ask(FileTask::Export));
-    take(&BAKE, Action::StartBake);
+    take(&BAKE, Action::BakeByKey);
+    take(&CLOSE, Action::CloseWindow);
+    take(&full_screen(ctx), Action::ToggleFullScreen);
     if ctx.text_edit_focused() {
         return;
     }
@@ -167,7 +179,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (keys(&SAVE_AS), "Save the look under another name"),
         (keys(&EXPORT), "Export the picture"),
         (keys(&COPY), "Copy the picture"),
-        (keys(&BAKE), "Start the bake"),
+        (keys(&BAKE), "Start the bake, or go on with it"),
         (keys(&UNDO), "Undo"),
         (format!("{} or {}", keys(&REDO), keys(&REDO_TOO)), "Redo"),
         (format!("{} to {}", keys(&look_keys(0)), keys(&look_keys(WITH_KEY - 1))), "Take over a look by its number"),
@@ -218,6 +230,8 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Right-click on a name, a look, the picture"), "Its menu"),
         (format!("{} or the menu key", keys(&MENU)), "The menu of what has the focus"),
         (words("Shift while dragging a fader or a number"), "Finer steps"),
+        (keys(&full_screen(ctx)), "Fill the screen, or no longer"),
+        (keys(&CLOSE), "Close the window"),
         (words("F1 or ?"), "This list"),
     ]
 }

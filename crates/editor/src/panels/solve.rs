@@ -7,9 +7,11 @@ use eframe::egui::{
 
 use super::display::tone_name;
 use super::measure::{LuxBake, missing_ui, tools_ui};
-use super::number::{Number, before_drag};
+use super::menu::context_menu;
+use super::number::{Number, before_drag, number_of};
 use super::sight::keep_in_sight;
 use crate::action::{Action, FileTask};
+use crate::illuminance::FOOT_CANDLE_LX;
 use crate::look::Look;
 use crate::look::wishes::{CURVES, Entry, Wanted, Where, Wishes};
 use crate::marks::Marked;
@@ -34,6 +36,8 @@ pub enum Kind {
 
 /// Said where a look holds as many wishes as it can.
 const FULL: &str = "There are as many wishes as a look holds; remove one first";
+/// Said where a wish cannot have what is marked for its place.
+const NOT_TO_BE_MOVED: &str = "Mark another part of the picture first, no larger than a look holds";
 
 /// Kinds with their name, unit, a value to start with, and a hint.
 const KINDS: [(Kind, &str, &str, f64, &str); 4] = [
@@ -76,6 +80,8 @@ pub struct SolveView<'a> {
     pub lights: Vec<String>,
     /// What a solution that was asked for waits for.
     pub busy: Option<&'static str>,
+    /// Whether what was found is for other wishes than there are now.
+    pub is_outdated: bool,
     /// Whether a solo darkens lights: what they bring is not known then.
     pub is_soloed: bool,
     /// What wishes are about.
@@ -112,14 +118,14 @@ pub fn solve_ui(
         tools_ui(ui, marking, view.has_scene);
         kind_ui(ui, state);
         new_wish_ui(ui, (state, wishes), marking, view, actions);
-        wishes_ui(ui, wishes, &view.here);
+        wishes_ui(ui, wishes, marking, &view.here);
         limits_ui(ui, wishes, view);
         ui.add_space(4.0);
         run_ui(ui, wishes, view, actions);
         if let Some(problem) = &state.problem {
             ui.colored_label(ui.visuals().error_fg_color, view.look.renamed(problem));
         }
-        solution_ui(ui, state, view.look, actions);
+        solution_ui(ui, state, view, actions);
     });
 }
 
@@ -143,9 +149,21 @@ fn kind_ui(ui: &mut Ui, state: &mut SolveState) {
         if state.kind != Kind::Keep {
             let speed = (0.01 * state.value).max(0.01);
             let value = Number::new(&mut state.value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
+            let (value, hint) = match state.kind {
+                Kind::Lux => (value.read(lux_of), format!("{hint}; {FOOT_CANDLES}")),
+                _ => (value, hint.to_owned()),
+            };
             ui.add(value).on_hover_text(hint).accessible_name("Wanted");
         }
     });
+}
+
+/// Said where lux are typed.
+const FOOT_CANDLES: &str = "foot-candles may be typed, as “50 fc”";
+
+/// Illuminance that was typed, in lux.
+fn lux_of(text: &str) -> Option<f64> {
+    number_of(text, " lx").or_else(|| number_of(text, " fc").map(|foot_candles| foot_candles * FOOT_CANDLE_LX))
 }
 
 fn new_wish_ui(
@@ -189,8 +207,8 @@ fn new_wish_ui(
 }
 
 /// Each wish has a line for its name and one for what is wanted, so that a narrow panel has room for both.
-fn wishes_ui(ui: &mut Ui, wishes: &mut Wishes, here: &Here) {
-    let mut gone = None;
+fn wishes_ui(ui: &mut Ui, wishes: &mut Wishes, marking: &mut Marking, here: &Here) {
+    let (mut gone, mut moved, n_left) = (None, None, wishes.n_left());
     for (idx, wish) in wishes.list.iter_mut().enumerate() {
         ui.push_id(idx, |ui| {
             let right_to_left = egui::Layout::right_to_left(egui::Align::Center);
@@ -202,7 +220,9 @@ fn wishes_ui(ui: &mut Ui, wishes: &mut Wishes, here: &Here) {
                     gone = Some(idx);
                 }
                 let left_to_right = egui::Layout::left_to_right(egui::Align::Center);
-                ui.with_layout(left_to_right, |ui| ui.add(egui::Label::new(&wish.name).truncate()));
+                if ui.with_layout(left_to_right, |ui| name_ui(ui, wish, marking, here, n_left)).inner {
+                    moved = Some(idx);
+                }
             });
             ui.horizontal_wrapped(|ui| wanted_ui(ui, wish, here));
             if let Some(words) = here.misfit(wish) {
@@ -211,14 +231,45 @@ fn wishes_ui(ui: &mut Ui, wishes: &mut Wishes, here: &Here) {
             }
         });
     }
+    if let (Some(idx), Some(marks), Some(framing)) = (moved, marking.marks(), &here.framing) {
+        wishes.list[idx].place = Where::Marked(Marked { framing: framing.clone(), marks: marks.clone() });
+    }
     if let Some(gone) = gone {
         wishes.list.remove(gone);
     }
 }
 
+/// The name of a wish. A click marks its place in the picture again; answers whether what is marked is to be its place.
+fn name_ui(ui: &mut Ui, wish: &Entry, marking: &mut Marking, here: &Here, n_left: usize) -> bool {
+    let Where::Marked(marked) = &wish.place else {
+        ui.add(egui::Label::new(&wish.name).truncate());
+        return false;
+    };
+    let shown = here.framing.as_ref().filter(|shown| marked.framing.fits(shown));
+    let is_marked = shown.is_some() && marking.marks() == Some(&marked.marks);
+    let hint = if shown.is_some() { "Click to see its place in the picture" } else { "Its place is in another view" };
+    let name = ui.add(Button::selectable(is_marked, &wish.name).truncate());
+    let name = name.on_hover_text(format!("{hint}\nRight-click or menu key for another place"));
+    if let (true, Some(shown)) = (name.clicked(), shown) {
+        marking.marks = marked.on(shown);
+    }
+    let n_room = n_left.saturating_add(wish.n_marked());
+    let can_move = !is_marked && marking.marks().is_some_and(|marks| marks.pixels().len() <= n_room);
+    let mut is_moved = false;
+    context_menu(&name, |ui| {
+        let hint = "What is marked in the picture now becomes the place of this wish";
+        let button = ui.add_enabled(can_move, Button::new("Use what is marked")).on_hover_text(hint);
+        if button.on_disabled_hover_text(NOT_TO_BE_MOVED).clicked() {
+            is_moved = true;
+            ui.close();
+        }
+    });
+    is_moved
+}
+
 /// What a wish wants, and how much it counts.
 fn wanted_ui(ui: &mut Ui, wish: &mut Entry, here: &Here) {
-    let name = format!("{} wanted", wish.name);
+    let (name, is_lux) = (format!("{} wanted", wish.name), matches!(wish.wanted, Wanted::Lux(_)));
     let (value, unit) = match &mut wish.wanted {
         Wanted::Lux(lux) => (Some(lux), " lx"),
         Wanted::Luminance(nit) => (Some(nit), " cd/m²"),
@@ -238,6 +289,7 @@ fn wanted_ui(ui: &mut Ui, wish: &mut Entry, here: &Here) {
             let drag = Number::new(value).range(0.0..=1e6).leaves_what_is_outside().speed(speed).suffix(unit);
             let drag = drag.max_decimals(2);
             let tip = format!("What is wanted there{}{}", if unit.is_empty() { "" } else { ", in" }, unit);
+            let (drag, tip) = if is_lux { (drag.read(lux_of), format!("{tip}; {FOOT_CANDLES}")) } else { (drag, tip) };
             ui.add(drag).on_hover_text(tip).accessible_name(name);
         }
         None if unit.is_empty() => {}
@@ -358,8 +410,8 @@ fn run_ui(ui: &mut Ui, wishes: &Wishes, view: &SolveView, actions: &mut Vec<Acti
     });
 }
 
-fn solution_ui(ui: &mut Ui, state: &mut SolveState, look: &Look, actions: &mut Vec<Action>) {
-    let Some(solution) = &state.solution else { return };
+fn solution_ui(ui: &mut Ui, state: &mut SolveState, view: &SolveView, actions: &mut Vec<Action>) {
+    let (Some(solution), look) = (&state.solution, view.look) else { return };
     ui.add_space(4.0);
     for outcome in &solution.outcomes {
         let tone = if outcome.is_met { ui.visuals().text_color() } else { ui.visuals().warn_fg_color };
@@ -367,6 +419,10 @@ fn solution_ui(ui: &mut Ui, state: &mut SolveState, look: &Look, actions: &mut V
     }
     ui.label(RichText::new(format!("Residual {:.2} %", 100.0 * solution.misfit)).weak())
         .on_hover_text("Root mean square of how far the wishes are missed");
+    if view.is_outdated {
+        let words = RichText::new("The wishes have changed since; solve again").color(ui.visuals().warn_fg_color);
+        ui.label(words).on_hover_text("These lights are for the wishes as they were");
+    }
     let changed: Vec<_> = solution.changes.iter().filter(|change| change.is_change()).collect();
     let title = format!("{} of {} lights change", changed.len(), solution.changes.len());
     CollapsingHeader::new(title).id_salt("changes").show(ui, |ui| {
@@ -389,5 +445,17 @@ fn solution_ui(ui: &mut Ui, state: &mut SolveState, look: &Look, actions: &mut V
     });
     if std::mem::take(&mut state.is_news) {
         answers.response.scroll_to_me(None);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn illuminance_is_typed_in_lux_or_foot_candles() {
+        assert_eq!(["500", "500 lx", "1,5 lx"].map(lux_of), [500.0, 500.0, 1.5].map(Some));
+        assert_eq!(["50 fc", "50fc"].map(lux_of), [Some(50.0 * FOOT_CANDLE_LX); 2]);
+        assert_eq!(["fc", "50 cd", ""].map(lux_of), [None; 3]);
     }
 }

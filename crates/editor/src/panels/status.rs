@@ -16,6 +16,8 @@ pub struct Status<'a> {
     pub opening: bool,
     /// The bake.
     pub bake: &'a BakeState,
+    /// Frames of a timeline that are written, and how many there will be, while they are under way.
+    pub frames: Option<(u32, u32)>,
     /// What multiplies.
     pub device: &'a str,
     /// Which device is wanted.
@@ -124,11 +126,24 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
                 ui.add(bar);
                 ui.label(RichText::new("Baking").weak());
             }
+            frames_ui(ui, status.frames, actions);
             ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
                 status.messages.bar_ui(ui);
             });
         });
     });
+}
+
+/// How far the frames of a timeline are, which go on while that is closed or something else is opened.
+fn frames_ui(ui: &mut Ui, frames: Option<(u32, u32)>, actions: &mut Vec<Action>) {
+    let Some((n_written, n_frames)) = frames else { return };
+    let stop = ui.small_button("Stop").on_hover_text("Stop writing frames; those that are there stay");
+    if stop.accessible_name("Stop the frames").clicked() {
+        actions.push(Action::CancelFrames);
+    }
+    let words = format!("Writing frames, {n_written} of {n_frames}");
+    ui.label(RichText::new(words).weak())
+        .on_hover_text("Frames of the timeline; they go on whatever is opened meanwhile");
 }
 
 /// Lights that are known less well than others, a line; nothing of none.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use eframe::egui::{self, Button, ThemePreference, Ui};
 
 use super::shortcuts;
-use crate::action::{Action, FileTask, Side};
+use crate::action::{Action, FileTask, Side, opened};
 use egui::gui_zoom::kb_shortcuts::{ZOOM_IN, ZOOM_OUT};
 
 /// What the toolbar needs to know.
@@ -22,9 +22,9 @@ pub struct ToolbarState<'a> {
     pub panels_seen: [bool; 2],
     /// Whether the look differs from its file.
     pub is_unsaved: bool,
-    /// Whether it has one.
-    pub has_look_file: bool,
-    /// Files opened lately, newest first.
+    /// That file, if it has one.
+    pub look_file: Option<&'a Path>,
+    /// Scenes and looks of lately, newest first.
     pub recent: &'a [PathBuf],
 }
 
@@ -36,7 +36,7 @@ const WITH_FILE: f32 = 36.0;
 /// Draws it.
 pub fn toolbar_ui(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
     // Large letters or a small window: in several rows.
-    if ui.available_width() < WIDE + if state.has_look_file { WITH_FILE } else { 0.0 } {
+    if ui.available_width() < WIDE + if state.look_file.is_some() { WITH_FILE } else { 0.0 } {
         ui.horizontal_wrapped(|ui| {
             look_buttons(ui, state, actions);
             window_buttons(ui, actions);
@@ -111,8 +111,11 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
         actions.push(Action::Ask(FileTask::OpenLook));
     }
     // Without a file it asks for one.
-    let words = if state.has_look_file { "Save look" } else { "Save look…" };
-    let response = ui.button(words).on_hover_text(save);
+    let (words, hint) = match state.look_file {
+        Some(file) => ("Save look", format!("Save the look in {}, {save}", file.display())),
+        None => ("Save look…", format!("Save the look in a file, {save}")),
+    };
+    let response = ui.button(words).on_hover_text(hint);
     if response.clicked() {
         actions.push(Action::SaveLookAgain);
     }
@@ -120,7 +123,7 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
         let dot = response.rect.right_top() + egui::vec2(-4.0, 4.0);
         ui.painter().circle_filled(dot, 2.5, crate::theme::ACCENT);
     }
-    if state.has_look_file {
+    if state.look_file.is_some() {
         let button = ui.button("As…").on_hover_text(format!("Save the look in another file, {save_as}"));
         if button.accessible_name("Save look as…").clicked() {
             actions.push(Action::Ask(FileTask::SaveLook));
@@ -136,7 +139,7 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
 fn recent_menu(ui: &mut Ui, recent: &[PathBuf], actions: &mut Vec<Action>) {
     for path in recent {
         if ui.button(recent_name(path, recent)).on_hover_text(path.display().to_string()).clicked() {
-            actions.push(Action::Open(path.clone()));
+            actions.push(opened(path.clone()));
             ui.close();
         }
     }

@@ -78,6 +78,13 @@ impl Session {
             .map_or(0, |(begun, _)| begun.blocks.len())
     }
 
+    /// Whether the bake that runs is of this view with these settings. `camera` is where it is seen from, if not from that of the settings.
+    pub fn is_baking(&self, settings: &BakeSettings, camera: Option<&Camera>) -> bool {
+        let scene = self.opened.as_ref().and_then(|opened| opened.scene.as_ref());
+        let begun = self.begun.as_ref().filter(|_| self.bake.is_running());
+        begun.zip(scene).is_some_and(|(begun, scene)| begun.of.is(scene, settings, camera))
+    }
+
     /// Whether the bake that runs holds illuminance in the end.
     pub fn bakes_illuminance(&self) -> bool {
         self.bake.is_running() && self.begun.as_ref().is_some_and(|begun| begun.of.settings.illuminance)

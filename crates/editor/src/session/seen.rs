@@ -12,7 +12,7 @@ use glam::Vec3;
 use super::lamps::{LampLight, LampPart, StillLamps};
 use crate::black::{black_words, is_black};
 use crate::cli::relight::{frame_of, irradiance_for};
-use crate::export::layers::{FREE_LAMPS, LayerSet, layer_name};
+use crate::export::layers::LayerSet;
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
 use crate::illuminance::AddedLux;
 use crate::look::{Look, Units};
@@ -92,7 +92,7 @@ impl Seen {
         Ok((relighter, radiance))
     }
 
-    /// Its light in parts. Free lamps are one of them, or one each where lights are told apart.
+    /// Its light in parts, free lamps with it.
     fn layers(&self, relighter: &mut CpuRelighter, set: LayerSet) -> Result<Vec<LightLayer>> {
         if set == LayerSet::None {
             return Ok(Vec::new());
@@ -105,40 +105,32 @@ impl Seen {
         };
         let mut layers = set.layers(&self.bake.header.basis, &self.look, &self.coefficients, &mut relight)?;
         let Some(light) = &self.light else { return Ok(layers) };
-        if set == LayerSet::Lights {
-            for part in &light.parts {
-                layers.push(self.layer_of(part, &mut relight)?);
-            }
-        } else {
-            let mut of_lamps: Vec<Vec<[f32; 3]>> =
-                self.coefficients.iter().map(|group| vec![[0.0; 3]; group.len()]).collect();
-            if let (Some(last), Some(lit)) = (of_lamps.last_mut(), self.coefficients.last())
-                && self.bake.header.patches.is_some()
-            {
-                last.clone_from(lit);
-            }
-            relighter.set_layer(Some(&light.direct))?;
-            let mut radiance = Radiance::default();
-            relighter.relight(&of_lamps, &mut radiance)?;
-            layers.push(LightLayer { key: FREE_LAMPS.into(), radiance });
+        let keys: Vec<&str> = light.parts.iter().map(|part| part.key.as_str()).collect();
+        for (key, members) in set.lamp_parts(&keys, &self.look) {
+            let lamps: Vec<&LampPart> = members.into_iter().map(|idx| &light.parts[idx]).collect();
+            let radiance = self.light_of(&lamps, &mut relight)?;
+            set.take_in(&mut layers, LightLayer { key, radiance });
         }
         Ok(layers)
     }
 
-    /// What a free lamp adds: its direct light, and what becomes of it by way of the patches.
-    fn layer_of(
+    /// What free lamps add: their direct light, and what becomes of it by way of the patches.
+    fn light_of(
         &self,
-        lamp: &LampPart,
+        lamps: &[&LampPart],
         relight: impl FnOnce(&[Vec<[f32; 3]>]) -> Result<Radiance>,
-    ) -> Result<LightLayer> {
+    ) -> Result<Radiance> {
         let mut coefficients: Vec<Vec<[f32; 3]>> =
             self.coefficients.iter().map(|group| vec![[0.0; 3]; group.len()]).collect();
-        let of_patches: Vec<[f32; 3]> = lamp.of_patches().map(|light| light.to_array()).collect();
-        self.bake.header.add_of_patches(&mut coefficients, &of_patches);
+        for lamp in lamps {
+            let of_patches: Vec<[f32; 3]> = lamp.of_patches().map(|light| light.to_array()).collect();
+            self.bake.header.add_of_patches(&mut coefficients, &of_patches);
+        }
         let mut radiance = relight(&coefficients)?;
         for (pixel, rgb) in (0..).zip(&mut radiance.pixels) {
-            *rgb = (Vec3::from(*rgb) + lamp.direct(pixel)).to_array();
+            let direct: Vec3 = lamps.iter().map(|lamp| lamp.direct(pixel)).sum();
+            *rgb = (Vec3::from(*rgb) + direct).to_array();
         }
-        Ok(LightLayer { key: layer_name(&lamp.key, &self.look), radiance })
+        Ok(radiance)
     }
 }

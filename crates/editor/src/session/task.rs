@@ -237,9 +237,6 @@ pub(super) fn load(source: Source, mut chosen: Chosen, stop: &Stop) -> Result<Lo
             return Ok(Loaded::Bake(archive::read_within(memory_bytes(), &path)?));
         }
         Source::File(path) if path.is_dir() => return Ok(Loaded::Stack(ImageStack::open(&path)?)),
-        Source::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("look")) => {
-            anyhow::bail!("it is a look, which lights a scene: open that scene first, and then the look")
-        }
         Source::File(path) => import::load_until(&path, Skips::default(), stop)?,
     };
     anyhow::ensure!(
@@ -327,8 +324,7 @@ pub(super) fn bake(
         Some(Ok(Some((under_way, left)))) => {
             kept = Some(under_way);
             if let (None, Some(left)) = (&begun, left) {
-                remarks
-                    .push(format!("{} blocks were baked before the editor ended; the rest follows", left.blocks.len()));
+                remarks.push(format!("{} blocks were baked before; the rest follows", left.blocks.len()));
                 (begun, job.passes) = (Some(left), Passes::Again);
             }
         }

@@ -6,6 +6,7 @@ use eframe::egui::{
     TextEdit, Ui, pos2, vec2,
 };
 
+use super::mix::Compare;
 use super::{FULL, LooksState, LooksView, in_row};
 use crate::action::Action;
 use crate::look::Look;
@@ -151,6 +152,11 @@ fn menu(ui: &mut Ui, idx: usize, look: &mut Look, state: &mut LooksState, mark: 
     let duplicate = ui.add_enabled(look.has_room(1), egui::Button::new("Duplicate"));
     if duplicate.on_disabled_hover_text(FULL).clicked() {
         look.duplicate(idx);
+        ui.close();
+    }
+    let hint = "See this look beside the lights as they are now, with a divider or side by side";
+    if ui.button("Compare with now").on_hover_text(hint).clicked() {
+        state.compare = Some(Compare::with_now(&look.snapshots[idx].name, state.compare.as_ref()));
         ui.close();
     }
     ui.separator();

@@ -61,6 +61,12 @@ impl Compare {
         Some(Compare { sides: [Side::Snapshot(other), Side::Present], way: Way::Wipe })
     }
 
+    /// A snapshot against the present look, in the way of the comparison before.
+    pub(super) fn with_now(name: &str, before: Option<&Compare>) -> Compare {
+        let way = before.map_or(Way::default(), |before| before.way);
+        Compare { sides: [Side::Snapshot(name.to_owned()), Side::Present], way }
+    }
+
     /// Sides whose snapshot is gone show the present look.
     pub(super) fn heal(&mut self, look: &Look) {
         for side in &mut self.sides {

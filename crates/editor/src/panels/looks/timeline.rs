@@ -37,6 +37,8 @@ pub struct Player {
     pub playhead: Option<f32>,
     /// Whether it runs.
     pub playing: bool,
+    /// Whether it begins again at its end.
+    pub loops: bool,
     /// Key that was touched last.
     chosen: Option<usize>,
     /// Key that is being dragged.
@@ -49,14 +51,16 @@ impl Player {
         (self.playhead, self.playing) = (None, false);
     }
 
-    /// Lets time pass; it stays at the end.
+    /// Lets time pass; it stays at the end, or begins again.
     pub fn advance(&mut self, timeline: &Timeline, secs: f32) {
         let Some(playhead) = &mut self.playhead else { return };
         if timeline.keys.is_empty() {
             self.stop();
         } else if self.playing {
-            *playhead = (*playhead + secs).min(timeline.end_secs());
-            self.playing = *playhead < timeline.end_secs();
+            let end = timeline.end_secs();
+            let (now, begins_again) = (*playhead + secs, self.loops && end > 0.0);
+            *playhead = if begins_again { now % end } else { now.min(end) };
+            self.playing = begins_again || now < end;
         }
     }
 
@@ -128,6 +132,7 @@ fn play_ui(ui: &mut Ui, look: &Look, player: &mut Player) {
     if back.on_hover_text("Stop, and show the lights as they are now").clicked() {
         player.stop();
     }
+    ui.checkbox(&mut player.loops, "Loop").on_hover_text("Begin again at the end");
 }
 
 /// The moment that is shown, where one is.
@@ -378,6 +383,10 @@ mod tests {
         assert_eq!((player.playhead, player.playing), (Some(2.0), false));
         toggle(&mut player, &timeline);
         assert_eq!((player.playhead, player.playing), (Some(0.0), true));
+        player.loops = true;
+        player.advance(&timeline, 1.5);
+        player.advance(&timeline, 1.5);
+        assert_eq!((player.playhead, player.playing), (Some(1.0), true), "it begins again");
     }
 
     #[test]
