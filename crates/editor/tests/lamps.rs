@@ -715,10 +715,23 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     window.get_by_label("Move Globe 1 along X");
     drop(window);
 
+    // Where its own lamps were changed, others light its surfaces; it is not open to be baked.
+    let mut lit_otherwise: Value = serde_json::from_slice(&room()).unwrap();
+    lit_otherwise["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] = json!(5);
+    std::fs::write(folder.path().join("room.gltf"), lit_otherwise.to_string()).unwrap();
+    let mut window = open(Source::File(path.clone()));
+    wait(&mut window, |app| app.session().lamp_scene().is_some() && app.n_pictures() > 0);
+    assert!(window.state().session().opened.as_ref().unwrap().scene.is_none());
+    click(&mut window, "Add lamp");
+    click(&mut window, "Sphere");
+    wait(&mut window, App::is_settled);
+    window.get_by_label("Move Globe 1 along X");
+    drop(window);
+
     // Another scene of the same name is refused.
     std::fs::write(folder.path().join("room.gltf"), include_bytes!("room.gltf")).unwrap();
     let mut window = open(Source::File(path));
-    wait_until(&mut window, |window| says(window, "lamps that --ies or --sun-size changed"));
+    wait_until(&mut window, |window| says(window, "its geometry, materials or camera differ"));
 }
 
 fn says(window: &Window, words: &str) -> bool {
