@@ -536,6 +536,19 @@ fn a_spot_lamp_is_set_in_numbers_and_keeps_its_aim_or_its_direction() {
 }
 
 #[test]
+fn parallel_light_gets_the_angle_under_which_it_is_seen() {
+    let mut window = with_lamp("Directional");
+    assert_eq!(lamps(&window)[0].shape, LampShape::Directional { radius_rad: 0.0 });
+    window.get_by_label("Parallel light 1 angle").set_value_accesskit(0.5);
+    window.run_steps(3);
+    let LampShape::Directional { radius_rad } = lamps(&window)[0].shape else {
+        panic!("it shines along one direction")
+    };
+    assert!((radius_rad.to_degrees() - 0.25).abs() < 1e-5, "{radius_rad}");
+    wait(&mut window, App::is_settled);
+}
+
+#[test]
 fn a_rectangle_is_turned_about_its_aim_and_keeps_its_frame_while_the_aim_is_typed() {
     let mut window = with_lamp("Rectangle");
     let set = |window: &mut Window, label: &str, value: f64| {
