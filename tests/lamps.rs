@@ -156,7 +156,7 @@ fn lamps_need_the_scene_that_was_baked() {
     desk.fails(
         "relight @room.transport --look @a.look --scene @other.glb -o @a.exr",
         1,
-        "is not the scene that was baked",
+        "is not the scene that was baked: its geometry, materials or camera differ",
     );
     let named = |key: &str, unit: &str| {
         let lamp = json!([{ "key": key, "type": "point", "position": [0, 0, 0], "strength": 1, "unit": unit }]);
@@ -198,6 +198,22 @@ fn lamps_light_a_bake_whose_own_lamps_have_no_units() {
     desk.json(&format!("trace @room.glb --look @a.look -o @traced.exr {VIEW} --spp 256 --bounces 0"));
     let compared = desk.json("compare @relit.exr @traced.exr");
     assert!(compared["psnr_db"].as_f64().unwrap() > 25.0, "{compared}");
+}
+
+#[test]
+fn lamps_light_a_bake_whose_own_lamps_were_given_another_light() {
+    let desk = lit_by("a.look", &two_lamps());
+    std::fs::write(desk.path("warm.ies"), measured("400 900 200 0", "400 100 0 0")).unwrap();
+    let lit = |name: &str, options: &str| {
+        desk.json(&format!("bake @room.glb -o @{name}.transport {VIEW} --spp 4 {options}"));
+        let relight = format!("relight @{name}.transport --look @a.look --scene @room.glb -o @{name}.exr");
+        desk.json(&format!("{relight} --device cpu --lamp-samples 8"));
+        read_exr(&desk.path(&format!("{name}.exr"))).unwrap().pixels
+    };
+    // Its own lamps are dark.
+    let plain = lit("plain", "");
+    assert!(plain.iter().flatten().sum::<f32>() > 0.0);
+    assert_eq!(lit("measured", "--ies warm=@warm.ies"), plain);
 }
 
 #[test]

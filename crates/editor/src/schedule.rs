@@ -203,7 +203,7 @@ fn source_lumen(source: &LightSource, setting: &LightSetting, spots: Option<&Vec
 fn of_lamp(lamp: &FreeLamp, look: &Look) -> Luminaire {
     let color = lamp.setting.tint(Vec3::ONE);
     let lumen = lamp.strength_in(LampUnit::Lumen);
-    let is_near = lamp.shape != LampShape::Directional;
+    let is_near = !lamp.shape.is_parallel();
     let file = match &lamp.shape {
         LampShape::Profile { file } => Some(Path::new(file)),
         _ => None,

@@ -48,7 +48,7 @@ use crate::crash;
 use crate::picture::Changed;
 use crate::stills::Subject;
 pub use chosen::{Chosen, ChosenSky};
-pub(crate) use found::as_baked;
+pub(crate) use found::{as_baked, what_differs};
 pub use opened::{Opened, SceneOfBake};
 pub use shown::Shown;
 use task::{Fact, Post, Task};

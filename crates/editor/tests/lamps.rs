@@ -562,6 +562,19 @@ fn a_spot_lamp_is_set_in_numbers_and_keeps_its_aim_or_its_direction() {
 }
 
 #[test]
+fn parallel_light_gets_the_angle_under_which_it_is_seen() {
+    let mut window = with_lamp("Directional");
+    assert_eq!(lamps(&window)[0].shape, LampShape::Directional { radius_rad: 0.0 });
+    window.get_by_label("Parallel light 1 angle").set_value_accesskit(0.5);
+    window.run_steps(3);
+    let LampShape::Directional { radius_rad } = lamps(&window)[0].shape else {
+        panic!("it shines along one direction")
+    };
+    assert!((radius_rad.to_degrees() - 0.25).abs() < 1e-5, "{radius_rad}");
+    wait(&mut window, App::is_settled);
+}
+
+#[test]
 fn a_rectangle_is_turned_about_its_aim_and_keeps_its_frame_while_the_aim_is_typed() {
     let mut window = with_lamp("Rectangle");
     let set = |window: &mut Window, label: &str, value: f64| {
@@ -781,10 +794,23 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     window.get_by_label("Move Globe 1 along X");
     drop(window);
 
+    // Where its own lamps were changed, others light its surfaces; it is not open to be baked.
+    let mut lit_otherwise: Value = serde_json::from_slice(&room()).unwrap();
+    lit_otherwise["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] = json!(5);
+    std::fs::write(folder.path().join("room.gltf"), lit_otherwise.to_string()).unwrap();
+    let mut window = open(Source::File(path.clone()));
+    wait(&mut window, |app| app.session().lamp_scene().is_some() && app.n_pictures() > 0);
+    assert!(window.state().session().opened.as_ref().unwrap().scene.is_none());
+    click(&mut window, "Add lamp");
+    click(&mut window, "Sphere");
+    wait(&mut window, App::is_settled);
+    window.get_by_label("Move Globe 1 along X");
+    drop(window);
+
     // Another scene of the same name is refused.
     std::fs::write(folder.path().join("room.gltf"), include_bytes!("room.gltf")).unwrap();
     let mut window = open(Source::File(path));
-    wait_until(&mut window, |window| says(window, "lamps that --ies or --sun-size changed"));
+    wait_until(&mut window, |window| says(window, "its geometry, materials or camera differ"));
 }
 
 fn says(window: &Window, words: &str) -> bool {

@@ -16,7 +16,8 @@ struct Lamp {
     area: f32,
     // Where a lamp aims; the normal of a flat body.
     axis: vec3f,
-    // Of a spot: one minus the cosine of its outer angle.
+    // Of a spot: one minus the cosine of its outer angle; of parallel light: of the angle from the middle of the disk that it comes
+    // from to its rim.
     rim: f32,
     // From the middle of a flat body to the middles of two sides.
     half_x: vec3f,
@@ -136,6 +137,19 @@ fn concentric(u: vec2f) -> vec2f {
     return radius * vec2f(cos(angle), sin(angle));
 }
 
+// A direction within a cone around an axis, all of them alike.
+fn in_cone(ahead: vec3f, one_minus_cos: f32, u: vec2f) -> vec3f {
+    let down = one_minus_cos * u.x;
+    let radius = sqrt(max(down * (2.0 - down), 0.0));
+    // Two directions at right angles to it. [Duff2017]
+    let side = select(-1.0, 1.0, ahead.z >= 0.0);
+    let a = -1.0 / (side + ahead.z);
+    let b = ahead.x * ahead.y * a;
+    let x = vec3f(1.0 + side * ahead.x * ahead.x * a, side * b, -side * ahead.x);
+    let y = vec3f(b, side + ahead.y * ahead.y * a, -ahead.y);
+    return (x * cos(2.0 * PI * u.y) + y * sin(2.0 * PI * u.y)) * radius + ahead * (1.0 - down);
+}
+
 fn sent_by_sphere(place: vec3f, u: vec2f) -> Sent {
     let to_center = lamp.position - place;
     let square = dot(to_center, to_center);
@@ -145,15 +159,7 @@ fn sent_by_sphere(place: vec3f, u: vec2f) -> Sent {
     }
     let ahead = to_center / sqrt(square);
     let one_minus_cos = sin_square / (1.0 + sqrt(1.0 - sin_square));
-    let down = one_minus_cos * u.x;
-    let radius = sqrt(max(down * (2.0 - down), 0.0));
-    // Two directions at right angles to it. [Duff2017]
-    let side = select(-1.0, 1.0, ahead.z >= 0.0);
-    let a = -1.0 / (side + ahead.z);
-    let b = ahead.x * ahead.y * a;
-    let x = vec3f(1.0 + side * ahead.x * ahead.x * a, side * b, -side * ahead.x);
-    let y = vec3f(b, side + ahead.y * ahead.y * a, -ahead.y);
-    let wi = (x * cos(2.0 * PI * u.y) + y * sin(2.0 * PI * u.y)) * radius + ahead * (1.0 - down);
+    let wi = in_cone(ahead, one_minus_cos, u);
     let along = dot(wi, to_center);
     let depth = sqrt(max(lamp.near - (square - along * along), 0.0));
     return Sent(wi, 2.0 * PI * one_minus_cos, wi * (along - depth), 1u);
@@ -183,11 +189,18 @@ fn lamp_point(u: vec2f) -> LampPoint {
     return LampPoint(lamp.position + lamp.half_x * at.x + lamp.half_y * at.y, lamp.axis);
 }
 
-// What it sends to a place.
+// A direction towards the disk that parallel light comes from.
+fn toward_disk(u: vec2f) -> vec3f {
+    return in_cone(-lamp.axis, lamp.rim, u);
+}
+
+// What comes from there: as much to a surface that faces the middle, however large the disk is.
+fn sent_from_disk(wi: vec3f) -> Sent {
+    return Sent(wi, 2.0 / (2.0 - lamp.rim), wi * lamp.far, 1u);
+}
+
+// What a lamp that is somewhere sends to a place.
 fn sent_from(on_lamp: LampPoint, place: vec3f) -> Sent {
-    if lamp.kind == 2u {
-        return Sent(-lamp.axis, 1.0, -lamp.axis * lamp.far, 1u);
-    }
     let toward = on_lamp.position - place;
     let square = dot(toward, toward);
     if !(square > 0.0) {
@@ -262,6 +275,9 @@ fn sent_by_plate(place: vec3f, u: vec2f) -> Sent {
 
 // What the lamp sends straight to a place: neighbors share `u`, and `own` is the place's alone.
 fn sent(place: vec3f, u: vec2f, own: vec2f) -> Sent {
+    if lamp.kind == 2u {
+        return sent_from_disk(toward_disk(own));
+    }
     if lamp.kind == 5u {
         return sent_by_sphere(place, own);
     }
@@ -775,18 +791,23 @@ fn bent(start: vec3f, goal: vec3f) -> Route {
 // What a point of the lamp sends to a place through slabs, and the way of that; nothing where there are none.
 fn sent_through(place: vec3f, u: vec2f, route: ptr<function, Route>) -> Sent {
     let on_lamp = lamp_point(u);
+    var beyond = vec3f(0.0);
     if lamp.kind == 2u {
-        *route = followed(place, place - lamp.axis * lamp.far, -lamp.axis);
+        beyond = toward_disk(u);
+        *route = followed(place, place + beyond * lamp.far, beyond);
     } else {
         *route = bent(place, on_lamp.position);
     }
     if (*route).n == 0u || (*route).n == NONE {
         return Sent(vec3f(0.0), 0.0, vec3f(0.0), select(0u, UNKNOWN, (*route).n == NONE));
     }
+    if lamp.kind == 2u {
+        return sent_from_disk(beyond);
+    }
     // From there the lamp looks, without slabs, as it does from here through them.
     let eye = on_lamp.position - (*route).direction / sqrt((*route).closeness);
     var light = sent_from(on_lamp, eye);
-    light.toward = select(on_lamp.position - place, light.toward, lamp.kind == 2u);
+    light.toward = on_lamp.position - place;
     return light;
 }
 

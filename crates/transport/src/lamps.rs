@@ -84,8 +84,11 @@ pub enum LampShape {
         /// Meters.
         radius_m: f32,
     },
-    /// Parallel light along `aim - position`, from far away.
-    Directional,
+    /// Parallel light along `aim - position`, from a disk far away.
+    Directional {
+        /// Angle from the middle of the disk to its rim; 0 is a point.
+        radius_rad: f32,
+    },
     /// A point with a measured distribution.
     Profile {
         /// Path of an IES or EULUMDAT file, as the look has it.
@@ -144,7 +147,7 @@ impl LampShape {
             LampShape::Rectangle { .. } => "rectangle",
             LampShape::Disk { .. } => "disk",
             LampShape::Sphere { .. } => "sphere",
-            LampShape::Directional => "directional",
+            LampShape::Directional { .. } => "directional",
             LampShape::Profile { .. } => "ies",
         }
     }
@@ -158,13 +161,21 @@ impl LampShape {
             LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. } => {
                 &[LampUnit::Lumen, LampUnit::Candela, LampUnit::Nit]
             }
-            LampShape::Directional => &[LampUnit::Lux],
+            LampShape::Directional { .. } => &[LampUnit::Lux],
         }
     }
 
-    /// Whether it has a surface that shines: only such a lamp has a luminance, and soft shadows.
-    pub fn has_surface(&self) -> bool {
-        self.units().contains(&LampUnit::Nit)
+    /// Whether its shadows are soft: it has a surface that shines, or its parallel light comes from a disk.
+    pub fn has_soft_shadows(&self) -> bool {
+        match *self {
+            LampShape::Directional { radius_rad } => radius_rad > 0.0,
+            _ => self.units().contains(&LampUnit::Nit),
+        }
+    }
+
+    /// Whether it shines from nowhere in particular, along one direction.
+    pub fn is_parallel(&self) -> bool {
+        matches!(self, LampShape::Directional { .. })
     }
 
     /// Whether it matters where it is aimed at.
@@ -188,7 +199,7 @@ pub(crate) mod tests {
 
     /// A lamp at (0, 1, 0) that looks down, of 1 in a unit that it can have.
     pub(crate) fn lamp(shape: LampShape) -> FreeLamp {
-        let unit = if shape == LampShape::Directional { LampUnit::Lux } else { LampUnit::Candela };
+        let unit = if shape.is_parallel() { LampUnit::Lux } else { LampUnit::Candela };
         let (key, setting) = ("lamp".to_owned(), LightSetting::default());
         FreeLamp {
             key,

@@ -21,7 +21,7 @@ use super::console::Console;
 use super::view::{View, import_scene, load_scene};
 use crate::illuminance::AddedLux;
 use crate::look::Look;
-use crate::session::as_baked;
+use crate::session::{as_baked, what_differs};
 
 /// Samples of a pixel that are kept at once; others take their place until there were enough.
 const SAMPLES: u32 = 4;
@@ -234,7 +234,7 @@ fn arriving_light(scene: &PreparedScene, camera: &Camera, film: Film, lamps: &[P
     sums
 }
 
-/// The scene of a bake and its camera.
+/// The scene of a bake and its camera. Its own lights may be others by now: lamps of a look need its surfaces alone.
 pub(super) fn open(header: &BakeHeader, path: &Path, console: &mut Console) -> Result<(PreparedScene, Camera)> {
     let imported = load_scene(path, &header.skips.into(), console)?;
     let baked_of = |mut scene: Scene| as_baked(header, &mut scene).map(|(camera, _)| (scene, camera));
@@ -247,9 +247,9 @@ pub(super) fn open(header: &BakeHeader, path: &Path, console: &mut Console) -> R
     }
     let Some((scene, camera)) = found else {
         bail!(
-            "{} is not the scene that was baked: its geometry, materials, lights or camera differ (lamps that --ies or --sun-size \
-             changed count as well); name the same file, or bake again",
-            path.display()
+            "{} is not the scene that was baked: {}; name the same file, or bake again",
+            path.display(),
+            what_differs(header)
         );
     };
     let (scene, _) = PreparedScene::with_skips(scene, &[], None, header.skips)

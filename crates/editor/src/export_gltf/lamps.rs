@@ -45,7 +45,13 @@ pub(super) fn write(
                 let (node, most_cd) = measured(document, lamp, light, Path::new(file))?;
                 (node, Part::Lamp(Some(most_cd)))
             }
-            LampShape::Point | LampShape::Spot { .. } | LampShape::Directional => {
+            LampShape::Point | LampShape::Spot { .. } | LampShape::Directional { .. } => {
+                if lamp.shape.has_soft_shadows() {
+                    warnings.push(format!(
+                        "`{}` has an angle, which glTF has no place for: its shadows are sharp there",
+                        lamp.key
+                    ));
+                }
                 (punctual(document, lamp, light), Part::Lamp(None))
             }
         };
@@ -95,7 +101,7 @@ fn punctual(document: &mut Document, lamp: &FreeLamp, light: Vec3) -> Value {
             own["type"] = "spot".into();
             own["spot"] = json!({ "innerConeAngle": inner_rad, "outerConeAngle": outer_rad.max(LEAST_CONE_RAD) });
         }
-        LampShape::Directional => own["type"] = "directional".into(),
+        LampShape::Directional { .. } => own["type"] = "directional".into(),
         _ => {}
     }
     document.uses(LAMPS);

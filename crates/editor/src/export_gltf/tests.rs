@@ -263,7 +263,7 @@ fn free_lamps_become_nodes_that_shine_alike() {
     let (aim, position) = (Vec3::new(0.3, -0.4, -0.6), Vec3::new(0.1, 0.4, -0.2));
     let setting = LightSetting { kelvin: Some(3000.0), intensity: 2.0, ..LightSetting::default() };
     let lamp = |shape: LampShape| {
-        let unit = if shape == LampShape::Directional { LampUnit::Lux } else { LampUnit::Lumen };
+        let unit = if shape.is_parallel() { LampUnit::Lux } else { LampUnit::Lumen };
         FreeLamp {
             key: shape.name().to_owned(),
             shape,
@@ -280,7 +280,7 @@ fn free_lamps_become_nodes_that_shine_alike() {
     look.lights.lamps = vec![
         lamp(LampShape::Point),
         lamp(LampShape::Spot { inner_rad: 0.2, outer_rad: 0.5 }),
-        lamp(LampShape::Directional),
+        lamp(LampShape::Directional { radius_rad: 0.0 }),
         lamp(LampShape::Profile { file: profile }),
         lamp(LampShape::Rectangle { size_m: [0.3, 0.2] }),
         lamp(LampShape::Disk { radius_m: 0.1 }),

@@ -240,6 +240,9 @@ fn shape(a: &LampShape, b: &LampShape, t: f32) -> LampShape {
         (LampShape::Sphere { radius_m: r }, LampShape::Sphere { radius_m: to }) => {
             LampShape::Sphere { radius_m: lerp(*r, *to, t) }
         }
+        (LampShape::Directional { radius_rad: r }, LampShape::Directional { radius_rad: to }) => {
+            LampShape::Directional { radius_rad: lerp(*r, *to, t) }
+        }
         (same, _) => same.clone(),
     }
 }
@@ -347,7 +350,8 @@ mod tests {
         let [mut a, mut b] = [Look::default(), Look::default()];
         let there = FreeLamp { position: Vec3::Y * 4.0, ..lamp("s", LampShape::Disk { radius_m: 3.0 }, 300.0) };
         a.lights.lamps = vec![lamp("s", LampShape::Disk { radius_m: 1.0 }, 100.0), lamp("x", LampShape::Point, 10.0)];
-        b.lights.lamps = vec![there, lamp("x", LampShape::Directional, 10.0), lamp("y", LampShape::Point, 10.0)];
+        b.lights.lamps =
+            vec![there, lamp("x", LampShape::Directional { radius_rad: 0.0 }, 10.0), lamp("y", LampShape::Point, 10.0)];
         let quarter = fade(&a, &b, 0.25, None).lights.lamps;
         let told: Vec<_> = quarter.iter().map(|l| (l.key.as_str(), l.strength * l.setting.intensity)).collect();
         assert_eq!(told, [("s", 150.0), ("x", 7.5), ("x (new)", 2.5), ("y", 2.5)]);

@@ -20,6 +20,8 @@ const PLACE_M: std::ops::RangeInclusive<f64> = -FARTHEST_M as f64..=FARTHEST_M a
 const SIZE_M: std::ops::RangeInclusive<f64> = 0.0..=1e4;
 /// Half angles of a cone.
 const CONE_DEG: std::ops::RangeInclusive<f64> = 0.0..=90.0;
+/// Under which parallel light is seen, from rim to rim.
+const ANGLE_DEG: std::ops::RangeInclusive<f64> = 0.0..=90.0;
 /// Turns about the aim.
 const TURN_DEG: std::ops::RangeInclusive<f64> = -360.0..=360.0;
 /// Strongest in whatever unit.
@@ -172,7 +174,10 @@ impl Reader<'_> {
             }
             "disk" => (LampShape::Disk { radius_m: self.radius(object)? }, &["radius_m"]),
             "sphere" => (LampShape::Sphere { radius_m: self.radius(object)? }, &["radius_m"]),
-            "directional" => (LampShape::Directional, &[]),
+            "directional" => {
+                let angle = self.optional(object, "angle_deg", |r, v| r.radians(v, &ANGLE_DEG))?;
+                (LampShape::Directional { radius_rad: 0.5 * angle.unwrap_or(0.0) }, &["angle_deg"])
+            }
             "ies" => {
                 let file = self.optional(object, "file", |r, v| r.text(v))?.filter(|file| !file.is_empty());
                 (LampShape::Profile { file: file.ok_or_else(|| self.lacks("file"))? }, &["file"])
@@ -227,7 +232,10 @@ pub(super) fn json(lamp: &FreeLamp) -> String {
         LampShape::Rectangle { size_m } => members.push(member("size_m", size_m)),
         LampShape::Disk { radius_m } | LampShape::Sphere { radius_m } => members.push(member("radius_m", radius_m)),
         LampShape::Profile { file } => members.push(format!("\"file\": {}", value(file))),
-        LampShape::Point | LampShape::Directional => {}
+        LampShape::Directional { radius_rad } if *radius_rad > 0.0 => {
+            members.push(member("angle_deg", &degrees(2.0 * *radius_rad)));
+        }
+        LampShape::Point | LampShape::Directional { .. } => {}
     }
     if lamp.shape.is_turnable() && lamp.turn_rad != 0.0 {
         members.push(member("turn_deg", &degrees(lamp.turn_rad)));
@@ -287,7 +295,12 @@ mod tests {
             FreeLamp { turn_rad: -0.5 * PI, ..lamp("turned", LampShape::Rectangle { size_m: [1.2, 0.3] }) },
             lamp("d", LampShape::Disk { radius_m: 0.0 }),
             FreeLamp { unit: LampUnit::Candela, ..lamp("s", LampShape::Sphere { radius_m: 0.06 }) },
-            FreeLamp { turn_rad: 0.0, replaces: Some("Sun \"A\"".into()), ..lamp("sun", LampShape::Directional) },
+            FreeLamp {
+                turn_rad: 0.0,
+                replaces: Some("Sun \"A\"".into()),
+                ..lamp("sun", LampShape::Directional { radius_rad: 0.0 })
+            },
+            lamp("soft", LampShape::Directional { radius_rad: 0.5 * (0.53f64.to_radians() as f32) }),
             lamp("track", LampShape::Profile { file: "a, b/x.ies".into() }),
         ]
     }
@@ -301,11 +314,13 @@ mod tests {
         assert_eq!(back, look, "{json}");
         assert!(warnings.is_empty(), "{warnings:?}");
         assert!(json.contains("\"outer_deg\": 20.0,"), "{json}");
+        assert_eq!(json.matches("\"angle_deg\": 0.53,").count(), json.matches("angle_deg").count(), "{json}");
+        assert!(json.contains("angle_deg"), "{json}");
         assert_eq!(json.matches("\"turn_deg\": -90.0,").count(), json.matches("turn_deg").count(), "{json}");
         assert!(json.contains("turn_deg"), "{json}");
         let beyond = Look::from_json(&json.replace("-90.0,", "270.0,")).unwrap().0.lights.lamps;
         assert!(beyond.iter().zip(all()).all(|(lamp, own)| (lamp.turn_rad - own.turn_rad).abs() < 1e-5), "{beyond:?}");
-        assert_eq!(json.matches("\"aim\"").count(), 6, "only what can be aimed has an aim: {json}");
+        assert_eq!(json.matches("\"aim\"").count(), 7, "only what can be aimed has an aim: {json}");
     }
 
     #[test]

@@ -190,7 +190,7 @@ fn part(source: &LightSource) -> Part {
 
 fn lamp_part(lamp: &FreeLamp) -> Part {
     match lamp.shape {
-        LampShape::Directional => Part::Sun,
+        LampShape::Directional { .. } => Part::Sun,
         LampShape::Spot { .. } | LampShape::Profile { .. } => Part::Accent,
         _ => Part::General,
     }

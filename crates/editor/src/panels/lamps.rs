@@ -98,7 +98,7 @@ const SHAPES: [(&str, LampShape); 6] = [
     ("Rectangle", LampShape::Rectangle { size_m: [0.6, 0.6] }),
     ("Disk", LampShape::Disk { radius_m: 0.15 }),
     ("Sphere", LampShape::Sphere { radius_m: 0.1 }),
-    ("Directional", LampShape::Directional),
+    ("Directional", LampShape::Directional { radius_rad: 0.0 }),
 ];
 
 /// The kinds to choose from; `at_px` on the film, else in the middle of the view.
@@ -291,7 +291,16 @@ fn shape_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
             let file_name = file.rsplit(['/', '\\']).next().unwrap_or(file);
             ui.add(Label::new(file_name).truncate()).on_hover_text(file.as_str());
         }
-        LampShape::Point | LampShape::Directional => return,
+        LampShape::Directional { radius_rad } => {
+            ui.label(RichText::new("Angle").weak());
+            let mut degrees = 2.0 * radius_rad.to_degrees();
+            let number = Number::new(&mut degrees).range(0.0..=90.0).speed(0.02).suffix("°").max_decimals(2);
+            let hint = "Under which it is seen, from rim to rim: 0.53° is the sun, and at 0° shadows are sharp";
+            if ui.add(number).on_hover_text(hint).accessible_name(format!("{name} angle")).changed() {
+                *radius_rad = (0.5 * degrees).to_radians();
+            }
+        }
+        LampShape::Point => return,
     }
     ui.end_row();
 }
@@ -361,7 +370,7 @@ pub fn kind_words(shape: &LampShape) -> &'static str {
         LampShape::Rectangle { .. } => "Rectangular lamp",
         LampShape::Disk { .. } => "Round lamp",
         LampShape::Sphere { .. } => "Globe",
-        LampShape::Directional => "Parallel light",
+        LampShape::Directional { .. } => "Parallel light",
         LampShape::Profile { .. } => "Measured lamp",
     }
 }

@@ -32,6 +32,16 @@ pub(super) struct FoundScene {
     /// Lamps as the file has them.
     lamps: Vec<PunctualLight>,
     chosen: Chosen,
+    alike: Alike,
+}
+
+/// How far a scene is that of a bake.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Alike {
+    /// All of it, with its lamps counted so.
+    Whole(LampUnits),
+    /// Surfaces and view, which is all that free lamps need: its own lights were changed when it was baked, or since.
+    Surfaces,
 }
 
 impl Session {
@@ -68,7 +78,7 @@ impl Session {
     pub(super) fn scene_found(&mut self, found: Result<FoundScene, String>, notices: &mut Vec<Notice>) {
         self.finding = None;
         let Some(opened) = &mut self.opened else { return };
-        let FoundScene { scene, camera, path, lamps, chosen } = match found {
+        let FoundScene { scene, camera, path, lamps, chosen, alike } = match found {
             Ok(found) => found,
             Err(why) => {
                 opened.of_bake = Some(SceneOfBake::Missing(why));
@@ -79,7 +89,7 @@ impl Session {
         opened.of_bake = Some(SceneOfBake::Found(scene.clone()));
         let Some(shown) = &mut self.shown else { return };
         shown.camera = Some(camera);
-        if has_lights_of(&scene.lighting.basis, &shown.header.basis) {
+        if alike != Alike::Surfaces && has_lights_of(&scene.lighting.basis, &shown.header.basis) {
             (opened.lamps, opened.chosen, opened.source) = (lamps, chosen, Some(Source::File(path)));
             opened.scene = Some(scene.clone());
             // What is there need not be foreseen.
@@ -121,35 +131,59 @@ fn has_lights_of(scene: &LightBasis, baked: &LightBasis) -> bool {
 fn scene_of(header: &BakeHeader, path: PathBuf, stop: &Stop) -> Result<FoundScene> {
     anyhow::ensure!(path.is_file(), "{} is not there", path.display());
     let mut scene = import::load_until(&path, Skips::default(), stop)?.scene;
-    let (lamps, mut chosen) = (scene.punctual.clone(), chosen_for(&header.basis));
-    let (camera, units) = as_baked(header, &mut scene).with_context(|| {
+    let lamps = scene.punctual.clone();
+    let (camera, alike) = as_baked(header, &mut scene).with_context(|| {
+        let what = what_differs(header);
         format!(
-            "{} is not the scene that was baked: its geometry, materials, lights or camera differ (a variant of its materials, or \
-             lamps that --ies or --sun-size changed, count as well); name the same file, or bake it again",
+            "{} is not the scene that was baked: {what}; a variant of its materials is another scene as well; name the same file, or \
+             bake it again",
             path.display()
         )
     })?;
-    chosen.units = units;
+    let chosen = match alike {
+        Alike::Whole(units) => Chosen { units, ..chosen_for(&header.basis) },
+        // Its lights are not those of the bake, so neither are panels and sky made of them.
+        Alike::Surfaces => Chosen::default(),
+    };
     let sky = chosen.sky.as_ref().and_then(ChosenSky::request);
     let prepared = PreparedScene::until(scene, &chosen.panels, sky.as_ref(), Skips::default(), stop);
     let (scene, _) = prepared.context("its lights cannot be used")?;
-    Ok(FoundScene { scene: Box::new(scene), camera, path: absolute(&path), lamps, chosen })
+    Ok(FoundScene { scene: Box::new(scene), camera, path: absolute(&path), lamps, chosen, alike })
 }
 
 /// Makes a scene what it was when it was baked: with energy compensation or without, its lamps counted in candela or unitless.
-/// The camera of the bake, and how lamps are counted; `None` of another scene.
-pub(crate) fn as_baked(header: &BakeHeader, scene: &mut Scene) -> Option<(Camera, LampUnits)> {
-    let seen_from = |scene: &mut Scene| {
-        [FacetScattering::Multiple, FacetScattering::Single].into_iter().find_map(|scattering| {
-            scene.set_facet_scattering(scattering);
-            header.camera_in(scene).cloned()
-        })
-    };
-    if let Some(camera) = seen_from(scene) {
-        return Some((camera, LampUnits::Photometric));
+/// The camera of the bake, and how far the scene is that of the bake; `None` of another scene.
+pub(crate) fn as_baked(header: &BakeHeader, scene: &mut Scene) -> Option<(Camera, Alike)> {
+    let lamps = scene.punctual.clone();
+    if let Some(camera) = seen_from(scene, |scene| header.camera_in(scene).cloned()) {
+        return Some((camera, Alike::Whole(LampUnits::Photometric)));
     }
     assume_unitless(scene);
-    seen_from(scene).map(|camera| (camera, LampUnits::Unitless))
+    if let Some(camera) = seen_from(scene, |scene| header.camera_in(scene).cloned()) {
+        return Some((camera, Alike::Whole(LampUnits::Unitless)));
+    }
+    scene.punctual = lamps;
+    let camera = seen_from(scene, |scene| header.camera_on_surfaces_of(scene).cloned())?;
+    Some((camera, Alike::Surfaces))
+}
+
+/// The camera that is found in a scene with energy compensation, else in the same without.
+fn seen_from(scene: &mut Scene, find: impl Fn(&Scene) -> Option<Camera>) -> Option<Camera> {
+    [FacetScattering::Multiple, FacetScattering::Single].into_iter().find_map(|scattering| {
+        scene.set_facet_scattering(scattering);
+        find(scene)
+    })
+}
+
+/// What of a scene is not as it was baked, in words.
+pub(crate) fn what_differs(header: &BakeHeader) -> &'static str {
+    match header.grounds {
+        Some(_) => "its geometry, materials or camera differ",
+        None => {
+            "its geometry, materials, lights or camera differ (lamps that --ies or --sun-size changed count as well where time ended a \
+             bake, or where it is of an earlier version)"
+        }
+    }
 }
 
 fn absolute(path: &Path) -> PathBuf {

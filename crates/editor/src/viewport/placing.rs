@@ -59,7 +59,7 @@ pub fn placed(mut lamp: FreeLamp, surface: Surface, eye: Vec3, scene: &PreparedS
 /// some exposure, EV: in round numbers of its usual unit.
 pub fn fitting_strength(lamp: &FreeLamp, exposure_ev: f32, scene: &PreparedScene, distance_m: f32) -> (f32, LampUnit) {
     let lux = BRIGHT * PI / REFLECTANCE * (-exposure_ev).exp2();
-    if lamp.shape == LampShape::Directional {
+    if lamp.shape.is_parallel() {
         return (round(lux), LampUnit::Lux);
     }
     let (ahead, scale) = (lamp.frame()[2], scale_of(distance_m));

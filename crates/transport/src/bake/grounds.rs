@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::{BakeHeader, BakeJob};
+use crate::camera::Camera;
 use crate::emitters::{Emitter, Lighting, ShiningTriangle};
 use crate::fingerprint::{digest, of_surfaces, of_texture};
 use crate::prepared::PreparedScene;
@@ -52,15 +53,33 @@ impl BakeJob {
 
     /// A hash of its camera, called so, and of the size of its picture and blocks.
     fn view(&self, name: &str) -> String {
-        let ([width, height], side) = ([self.film.width, self.film.height], self.config.block);
-        let view = format!("{:?} {width} {height} {side}", self.camera.called(name));
-        hash_of(view.as_bytes())
+        hash_of_view(&self.camera.called(name), [self.film.width, self.film.height, self.config.block])
     }
 
     /// Whether an earlier bake, which rests on `there`, is of the same view. Files of before count the name of its camera.
     pub(super) fn has_view_of(&self, earlier: &BakeHeader, there: &Grounds) -> bool {
         [self.view(""), self.view(&earlier.camera)].contains(&there.view)
     }
+}
+
+impl BakeHeader {
+    /// Where the bake is seen from, where it is of the surfaces of this scene, whatever lights them by now: more is not asked for where
+    /// lamps of a look light them. `None` as well where it is not known what the bake rests on.
+    pub fn camera_on_surfaces_of<'a>(&'a self, scene: &'a Scene) -> Option<&'a Camera> {
+        let grounds = self.grounds.as_ref()?;
+        let size = [self.width, self.height, self.config.block];
+        // Files of before count the name of the camera.
+        let names = ["", self.camera.as_str()];
+        let is_it =
+            |camera: &&Camera| names.iter().any(|name| hash_of_view(&camera.called(name), size) == grounds.view);
+        let mut cameras = self.view.iter().chain(Camera::named(&scene.cameras, &self.camera)).chain(&scene.cameras);
+        cameras.find(is_it).filter(|_| grounds.surfaces == of_surfaces(scene))
+    }
+}
+
+/// Of a camera, and of the sides of its picture and of a block.
+fn hash_of_view(camera: &Camera, [width, height, block]: [u32; 3]) -> String {
+    hash_of(format!("{camera:?} {width} {height} {block}").as_bytes())
 }
 
 /// Whether columns of a light are right for another one, both as [`Grounds::lights`] has them.

@@ -1,16 +1,21 @@
 //! Equirectangular .hdr and .exr files into maps of the sky.
 
+use std::io::Cursor;
 use std::path::Path;
 
 use super::files::{check_pixels, guarded, read_at_most};
-use super::openexr::{self, Beside, Wanted};
+use super::openexr::{self, Threads, Wanted, Windows};
 use super::radiance;
-use crate::sky::{Cleaned, Environment, SkyError};
+use super::raster::Decoded;
+use crate::sky::{Averaged, Cleaned, Environment, SkyError, size_within};
 
-/// Largest file that is read.
-const MAX_FILE_BYTES: u64 = 1 << 30;
+/// Largest file that is read: 16384 × 8192 pixels in single precision take 1.5 GiB where nothing is compressed.
+const MAX_FILE_BYTES: u64 = 2 << 30;
+/// Most pixels that are averaged down to those of a map.
+const MAX_PIXELS: u64 = 1 << 29;
 
-/// Reads a map of the sky, and says in words what is odd about it.
+/// Reads a map of the sky, and says in words what is odd about it. One of more than [`Environment::MAX_PIXELS`] is averaged down while it
+/// is read.
 ///
 /// # Errors
 /// A file that cannot be read, is neither .hdr nor .exr, or is too large.
@@ -26,20 +31,37 @@ pub fn load_sky(path: &Path) -> Result<(Environment, Vec<String>), SkyError> {
 /// # Errors
 /// As [`load_sky`].
 pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>), SkyError> {
-    let refuse = |reason: String| SkyError::Decode { path: name.into(), reason };
+    decode_within(name, bytes, Environment::MAX_PIXELS)
+}
+
+/// The same with so many pixels at most.
+fn decode_within(name: &str, bytes: &[u8], max_pixels: usize) -> Result<(Environment, Vec<String>), SkyError> {
     let check = |size| check_size(size, bytes.len());
-    let picture = match () {
-        () if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) => {
-            guarded(|| openexr::decode(bytes, Wanted::Shown, Beside::Nothing, &check))
-                .map(|picture| (picture.size, picture.pixels, picture.is_converted, picture.remark))
-        }
-        () if bytes.starts_with(b"#?") => guarded(|| radiance::decode(bytes, check))
-            .map(|picture| (picture.size, picture.pixels, picture.is_converted, picture.remark)),
+    let empty = |size: [u32; 2]| {
+        let size = size.map(|side| side as usize);
+        Averaged::new(size, size_within(size, max_pixels))
+    };
+    let decoded = match () {
+        () if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) => guarded(|| {
+            let windows = openexr::windows(Cursor::new(bytes), &check)?;
+            let threads = threads_for(windows, max_pixels)?;
+            Ok(openexr::decode_into::<Averaged>(bytes, Wanted::Shown, threads, &check, &empty)?.0)
+        }),
+        () if bytes.starts_with(b"#?") => guarded(|| radiance::decode_into(bytes, check, empty)),
         () => Err("it is neither Radiance nor OpenEXR".into()),
     };
-    let ([width, height], pixels, is_converted, remark) = picture.map_err(refuse)?;
-    let (map, Cleaned { n_black, n_capped }) = Environment::new(width as usize, height as usize, pixels)?;
+    let decoded = decoded.map_err(|reason| SkyError::Decode { path: name.into(), reason })?;
+    let Decoded { size: [width, height], raster, is_converted, remark } = decoded;
+    let (map, Cleaned { n_black, n_capped }) = raster.finish();
     let mut warnings: Vec<String> = remark.iter().map(|remark| format!("{name}: {remark}")).collect();
+    if [map.width(), map.height()] != [width, height].map(|side| side as usize) {
+        warnings.push(format!(
+            "{name}: its {width}×{height} pixels are more than a sky keeps and were averaged to {}×{}; its light stays the same, but \
+             a sun and other details are softer",
+            map.width(),
+            map.height()
+        ));
+    }
     if n_black > 0 {
         let odd = match is_converted {
             true => {
@@ -61,13 +83,35 @@ pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>)
     Ok((map, warnings))
 }
 
-/// Within what a sky may have, and what so many bytes may.
-fn check_size([width, height]: [u32; 2], n_bytes: usize) -> Result<(), String> {
-    let (columns, rows) = (width as usize, height as usize);
-    if !Environment::is_size(columns, rows) {
-        return Err(SkyError::Size { width: columns, height: rows }.to_string());
+/// By how many threads an OpenEXR is decoded: means rest on the order of their sums, which many do not keep.
+///
+/// # Errors
+/// Pieces that are larger than a map, in words.
+fn threads_for(Windows { shown, block, .. }: Windows, max_pixels: usize) -> Result<Threads, String> {
+    if n_pixels(block) > Environment::MAX_PIXELS as u64 {
+        let [width, height] = block;
+        return Err(format!(
+            "it stores pieces of {width} × {height} pixels, which are too large to be read; save it in lines or in smaller tiles"
+        ));
     }
-    check_pixels([width, height], n_bytes as u64)
+    Ok(if n_pixels(shown) > max_pixels as u64 { Threads::One } else { Threads::Many })
+}
+
+#[expect(clippy::arithmetic_side_effects, reason = "a product of two 32-bit numbers")]
+fn n_pixels([width, height]: [u32; 2]) -> u64 {
+    u64::from(width) * u64::from(height)
+}
+
+/// Within what is read of a sky, and what so many bytes may hold.
+fn check_size(size: [u32; 2], n_bytes: usize) -> Result<(), String> {
+    let [width, height] = size;
+    match n_pixels(size) {
+        0 => Err(format!("it is empty: {width} × {height} pixels")),
+        n if n > MAX_PIXELS => Err(format!(
+            "its {width} × {height} pixels are too many, at most {MAX_PIXELS} in all, such as 32768 × 16384; make it smaller first"
+        )),
+        _ => check_pixels(size, n_bytes as u64),
+    }
 }
 
 #[cfg(test)]
@@ -76,7 +120,7 @@ mod tests {
 
     use exr::meta::attribute::Chromaticities;
     use exr::prelude::{
-        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes, Vec2,
+        AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes, Vec2,
         WritableImage,
     };
 
@@ -266,6 +310,124 @@ mod tests {
         let (map, warnings) = decode_sky("a.exr", &exr(&[("Y", [1.0, f32::INFINITY])])).unwrap();
         assert_eq!(map.pixels(), [[1.0; 3], [65504.0; 3]]);
         assert!(warnings.len() == 1 && warnings[0].contains("1 pixels were brighter"), "{warnings:?}");
+    }
+
+    /// Red, green, blue and exponent of each pixel of a row.
+    type Row = [[u8; 4]; 8];
+
+    /// Rows of one color between rows of many.
+    fn rows() -> [Row; 4] {
+        let pixel = |x: u8, y: u8| match y % 2 {
+            0 => [40 + 10 * y, 80, 120, 130],
+            _ => [16 + 20 * x, 200 - 20 * x, 99, 128 + x % 3],
+        };
+        std::array::from_fn(|y| std::array::from_fn(|x| pixel(x as u8, y as u8)))
+    }
+
+    fn flat(row: &Row) -> Vec<u8> {
+        row.as_flattened().to_vec()
+    }
+
+    /// Channel after channel, each in runs.
+    fn in_runs(row: &Row) -> Vec<u8> {
+        let mut bytes = vec![2, 2, 0, 8];
+        for channel in 0..4 {
+            let values = row.map(|pixel| pixel[channel]);
+            if values == [values[0]; 8] {
+                bytes.extend([128 + 8, values[0]]);
+            } else {
+                bytes.push(8);
+                bytes.extend(values);
+            }
+        }
+        bytes
+    }
+
+    /// Pixels, the same ones but once, as it was done before there were runs of channels.
+    fn repeated(row: &Row) -> Vec<u8> {
+        let same = [&row[0][..], &[1, 1, 1, 7]].concat();
+        if *row == [row[0]; 8] { same } else { flat(row) }
+    }
+
+    fn hdr_of(line: &str, rows: &[Row], encode: fn(&Row) -> Vec<u8>) -> Vec<u8> {
+        let head = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{line}\n").into_bytes();
+        [head, rows.iter().flat_map(encode).collect()].concat()
+    }
+
+    /// Of the whole sphere.
+    fn light(map: &Environment) -> [f64; 3] {
+        let of = |c: usize| {
+            let pixels = map.pixels().iter().enumerate();
+            pixels.map(|(idx, pixel)| f64::from(pixel[c]) * map.solid_angle(idx / map.width())).sum::<f64>()
+        };
+        std::array::from_fn(of)
+    }
+
+    /// Reads a sky of 8 × 4 pixels whole and with 8 pixels at most, and holds the two against each other.
+    fn whole_and_averaged(name: &str, bytes: &[u8]) -> [Environment; 2] {
+        let (whole, warnings) = decode_sky(name, bytes).unwrap();
+        assert!(warnings.is_empty(), "{warnings:?}");
+        let (small, warnings) = decode_within(name, bytes, 8).unwrap();
+        assert_eq!([whole.width(), whole.height(), small.width(), small.height()], [8, 4, 4, 2]);
+        assert!(warnings.len() == 1 && warnings[0].contains("8×4 pixels"), "{warnings:?}");
+        assert!(warnings[0].contains("averaged to 4×2"), "{warnings:?}");
+        for (small, whole) in light(&small).into_iter().zip(light(&whole)) {
+            assert!((small / whole - 1.0).abs() < 1e-5, "{name}: {small} of {whole}");
+        }
+        [whole, small]
+    }
+
+    #[test]
+    fn a_radiance_sky_of_too_many_pixels_is_averaged_while_it_is_read() {
+        let encodings: [fn(&Row) -> Vec<u8>; 3] = [flat, in_runs, repeated];
+        let read = |encode: fn(&Row) -> Vec<u8>| whole_and_averaged("a.hdr", &hdr_of("-Y 4 +X 8", &rows(), encode));
+        let [whole, small] = read(flat);
+        assert_eq!(whole.pixels()[9], [36.0, 180.0, 99.0].map(|mantissa: f32| mantissa / 128.0));
+        for encode in encodings {
+            assert!(read(encode) == [whole.clone(), small.clone()]);
+            let bytes = hdr_of("-Y 4 +X 8", &rows(), encode);
+            for cut in [1, 10, 30] {
+                let error = decode_within("a.hdr", &bytes[..bytes.len() - cut], 8).unwrap_err().to_string();
+                assert!(error.contains("it is cut off"), "{error}");
+            }
+        }
+        let mut turned = rows();
+        turned.reverse();
+        turned.iter_mut().for_each(|row| row.reverse());
+        assert!(whole_and_averaged("a.hdr", &hdr_of("+Y 4 -X 8", &turned, flat)) == [whole, small]);
+    }
+
+    #[test]
+    fn an_exr_sky_of_too_many_pixels_is_averaged_while_it_is_read() {
+        let tiles = Encoding { blocks: Blocks::Tiles(Vec2(3, 3)), ..Encoding::UNCOMPRESSED };
+        let mut first = None;
+        for encoding in [Encoding::UNCOMPRESSED, Encoding::FAST_LOSSLESS, Encoding::SMALL_LOSSLESS, tiles] {
+            let channel = |(nth, name): (u32, &'static str)| {
+                let values = (0..32).map(|idx| ((idx + nth) * 37 % 101) as f32).collect();
+                AnyChannel::new(name, FlatSamples::F32(values))
+            };
+            let channels = AnyChannels::sort((0..).zip(["R", "G", "B"]).map(channel).collect());
+            let layer = Layer::new((8, 4), LayerAttributes::default(), encoding, channels);
+            let mut bytes = Cursor::new(Vec::new());
+            Image::from_layer(layer).write().to_buffered(&mut bytes).unwrap();
+            let bytes = bytes.into_inner();
+            let read = whole_and_averaged("a.exr", &bytes);
+            for (value, expected) in read[1].pixels().iter().zip(first.get_or_insert(read.clone())[1].pixels()) {
+                assert!((0..3).all(|c| (value[c] - expected[c]).abs() < 1e-4), "{value:?} {expected:?}");
+            }
+            let error = decode_within("a.exr", &bytes[..bytes.len() - 9], 8).unwrap_err().to_string();
+            assert!(error.contains("it is cut off"), "{error}");
+        }
+    }
+
+    #[test]
+    fn an_exr_is_averaged_in_one_order_and_never_read_in_huge_pieces() {
+        let of = |shown, block| Windows { stored: shown, shown, offset: [0; 2], block };
+        let most = Environment::MAX_PIXELS;
+        assert_eq!(threads_for(of([8192, 4096], [8192, 16]), most), Ok(Threads::Many));
+        assert_eq!(threads_for(of([16384, 8192], [16384, 16]), most), Ok(Threads::One));
+        let why = threads_for(of([16384, 8192], [16384, 8192]), most).expect_err("one piece");
+        assert!(why.contains("pieces of 16384 × 8192"), "{why}");
     }
 
     #[test]

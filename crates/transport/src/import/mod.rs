@@ -36,6 +36,7 @@ mod placement;
 mod primaries;
 mod profiles;
 mod radiance;
+mod raster;
 mod report;
 mod sensors;
 mod skins;

@@ -6,11 +6,12 @@ use std::path::Path;
 use exr::image::read::specific_channels::ReadSpecificChannel;
 use exr::meta::header::Header;
 use exr::prelude::{MetaData, ReadChannels, ReadLayers, Vec2};
-use glam::DMat3;
+use glam::{DMat3, Mat3};
 
 use super::channels::{self, Channels};
 use super::files::{check_pixels, guarded, of_file, read_at_most};
-use super::primaries::{convert, into_rec709};
+use super::primaries::{converted, into_rec709};
+use super::raster::{Decoded, Raster, Whole};
 use crate::camera::Film;
 use crate::light::REC709_FROM_XYZ;
 
@@ -43,13 +44,13 @@ pub(super) enum Wanted {
     Stored,
 }
 
-/// How many pictures are read at once.
+/// How many threads decode a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Beside {
-    /// This one alone, by many threads.
-    Nothing,
-    /// Others too, each by one thread.
-    Others,
+pub(super) enum Threads {
+    /// All of them: it is read alone. Its pixels come in any order.
+    Many,
+    /// One: others are read beside it, or its pixels are wanted in one and the same order each time.
+    One,
 }
 
 /// Whether a picture of that width and height may be read.
@@ -67,12 +68,12 @@ pub fn read_exr(path: &Path) -> Result<ExrPicture, String> {
         }
         check_pixels([width, height], bytes.len() as u64)
     };
-    guarded(|| decode(&bytes, Wanted::Stored, Beside::Nothing, &check))
+    guarded(|| decode(&bytes, Wanted::Stored, Threads::Many, &check))
 }
 
-/// Width and height of what a file shows, from its head.
-pub(super) fn shown_size(file: impl BufRead + Seek, check: Check) -> Result<[u32; 2], String> {
-    Ok(layer(&headers(file)?, Wanted::Shown, check)?.0.shown)
+/// Where what a file shows lies, from its head.
+pub(super) fn windows(file: impl BufRead + Seek, check: Check) -> Result<Windows, String> {
+    Ok(layer(&headers(file)?, Wanted::Shown, check)?.0)
 }
 
 fn headers(file: impl BufRead + Seek) -> Result<Vec<Header>, String> {
@@ -81,13 +82,15 @@ fn headers(file: impl BufRead + Seek) -> Result<Vec<Header>, String> {
 
 /// Where the picture of a file lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Windows {
+pub(super) struct Windows {
     /// Size of the data window.
-    stored: [u32; 2],
+    pub stored: [u32; 2],
     /// Size of the display window.
-    shown: [u32; 2],
+    pub shown: [u32; 2],
     /// Where the data window begins in the display window.
-    offset: [i64; 2],
+    pub offset: [i64; 2],
+    /// Size of what is decoded at once, at most.
+    pub block: [u32; 2],
 }
 
 impl Windows {
@@ -118,7 +121,9 @@ fn layer(headers: &[Header], wanted: Wanted, check: Check) -> Result<(Windows, C
     #[expect(clippy::arithmetic_side_effects, reason = "a difference of two 32-bit numbers")]
     let offset = |stored: i32, shown: i32| i64::from(stored) - i64::from(shown);
     let offset = [offset(at.x(), display.position.x()), offset(at.y(), display.position.y())];
-    let windows = Windows { stored, shown, offset };
+    let block = header.max_block_pixel_size();
+    let block = [side(block.width()).min(stored[0]), side(block.height()).min(stored[1])];
+    let windows = Windows { stored, shown, offset, block };
     if wanted == Wanted::Shown && !windows.overlap() {
         return Err(format!(
             "its data window of {} × {} pixels at ({}, {}) lies outside of its display window of {} × {}, so that nothing of it is \
@@ -135,24 +140,17 @@ fn layer(headers: &[Header], wanted: Wanted, check: Check) -> Result<(Windows, C
     Ok((windows, channels, colors))
 }
 
-/// The pixels that are wanted; those that the file does not store are black.
-struct Canvas {
+/// Takes the pixels of a file, and hands on those that are wanted.
+struct Canvas<R> {
     size: [u32; 2],
     /// Where the stored pixels begin.
     offset: [i64; 2],
-    pixels: Vec<[f32; 3]>,
+    into_rec709: Option<Mat3>,
+    raster: R,
 }
 
-impl Canvas {
-    #[expect(clippy::arithmetic_side_effects, reason = "checks of sizes have multiplied them")]
-    fn new(size: [u32; 2], offset: [i64; 2]) -> Canvas {
-        Canvas { size, offset, pixels: vec![[0.0; 3]; size[0] as usize * size[1] as usize] }
-    }
-
-    #[expect(
-        clippy::arithmetic_side_effects,
-        reason = "places and offsets are below 2^33, and the index is within the window"
-    )]
+impl<R: Raster> Canvas<R> {
+    #[expect(clippy::arithmetic_side_effects, reason = "places and offsets are below 2^33")]
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -162,7 +160,8 @@ impl Canvas {
         let ([width, height], offset) = (self.size, self.offset);
         let (x, y) = (at.x() as i64 + offset[0], at.y() as i64 + offset[1]);
         if (0..i64::from(width)).contains(&x) && (0..i64::from(height)).contains(&y) {
-            self.pixels[y as usize * width as usize + x as usize] = pixel;
+            let pixel = self.into_rec709.as_ref().map_or(pixel, |matrix| converted(matrix, pixel));
+            self.raster.put(x as usize, y as usize, pixel);
         }
     }
 }
@@ -171,37 +170,52 @@ impl Canvas {
 ///
 /// # Errors
 /// What is wrong with it, in words.
-pub(super) fn decode(bytes: &[u8], wanted: Wanted, beside: Beside, check: Check) -> Result<ExrPicture, String> {
+pub(super) fn decode(bytes: &[u8], wanted: Wanted, threads: Threads, check: Check) -> Result<ExrPicture, String> {
+    let (decoded, Windows { shown, offset, .. }) = decode_into::<Whole>(bytes, wanted, threads, check, &Whole::new)?;
+    let Decoded { size, raster, is_converted, remark } = decoded;
+    Ok(ExrPicture { size, pixels: raster.pixels, shown, offset, is_converted, remark })
+}
+
+/// The same into what is made for pixels of that width and height.
+///
+/// # Errors
+/// As [`decode`].
+pub(super) fn decode_into<R: Raster>(
+    bytes: &[u8],
+    wanted: Wanted,
+    threads: Threads,
+    check: Check,
+    raster: &dyn Fn([u32; 2]) -> R,
+) -> Result<(Decoded<R>, Windows), String> {
     let (windows, channels, colors) = layer(&headers(Cursor::new(bytes))?, wanted, check)?;
     let (matrix, remark) = colors.map_or_else(|why| (None, Some(why)), |matrix| (matrix, None));
-    let Windows { stored, shown, offset } = windows;
-    let (size, begin) = match wanted {
+    let Windows { stored, shown, offset, .. } = windows;
+    let (size, offset) = match wanted {
         Wanted::Shown => (shown, offset),
         Wanted::Stored => (stored, [0; 2]),
     };
+    let into_rec709 = matrix.map(|matrix| matrix.as_mat3());
+    let empty = || Canvas { size, offset, into_rec709, raster: raster(size) };
     let levels = exr::prelude::read().no_deep_data().largest_resolution_level().specific_channels();
     // Other channels are passed over, however many there are.
-    let mut canvas = match channels {
+    let canvas = match channels {
         Channels::Gray(y) => {
-            let gray = |canvas: &mut Canvas, at: Vec2<usize>, (y,): (f32,)| canvas.set(at, [y; 3]);
-            let channels = levels.required(y).collect_pixels(|_, _| Canvas::new(size, begin), gray);
+            let gray = |canvas: &mut Canvas<R>, at: Vec2<usize>, (y,): (f32,)| canvas.set(at, [y; 3]);
+            let channels = levels.required(y).collect_pixels(|_, _| empty(), gray);
             let image = channels.first_valid_layer().all_attributes();
-            let image = if beside == Beside::Others { image.non_parallel() } else { image };
+            let image = if threads == Threads::One { image.non_parallel() } else { image };
             image.from_buffered(Cursor::new(bytes)).map_err(of_exr)?.layer_data.channel_data.pixels
         }
         Channels::Color([r, g, b]) | Channels::Xyz([r, g, b]) => {
-            let color = |canvas: &mut Canvas, at: Vec2<usize>, (r, g, b): (f32, f32, f32)| canvas.set(at, [r, g, b]);
+            let color = |canvas: &mut Canvas<R>, at: Vec2<usize>, (r, g, b): (f32, f32, f32)| canvas.set(at, [r, g, b]);
             let channels = levels.required(r).required(g).required(b);
-            let channels = channels.collect_pixels(|_, _| Canvas::new(size, begin), color);
+            let channels = channels.collect_pixels(|_, _| empty(), color);
             let image = channels.first_valid_layer().all_attributes();
-            let image = if beside == Beside::Others { image.non_parallel() } else { image };
+            let image = if threads == Threads::One { image.non_parallel() } else { image };
             image.from_buffered(Cursor::new(bytes)).map_err(of_exr)?.layer_data.channel_data.pixels
         }
     };
-    if let Some(matrix) = matrix {
-        convert(&matrix, &mut canvas.pixels);
-    }
-    Ok(ExrPicture { size, pixels: canvas.pixels, shown, offset, is_converted: matrix.is_some(), remark })
+    Ok((Decoded { size, raster: canvas.raster, is_converted: matrix.is_some(), remark }, windows))
 }
 
 /// What a decoder says of an OpenEXR.
@@ -279,7 +293,7 @@ mod tests {
             let beside = exr(vec![channel("Y", &[1.0, 2.0, 3.0, 4.0])], (2, 2), Encoding::UNCOMPRESSED, at);
             let why = decode_picture(&beside).expect_err("nothing is shown");
             assert!(why.contains("outside of its display window of 4 × 2"), "{why}");
-            let stored = decode(&beside, Wanted::Stored, Beside::Nothing, &|_| Ok(())).unwrap();
+            let stored = decode(&beside, Wanted::Stored, Threads::Many, &|_| Ok(())).unwrap();
             assert_eq!(stored.pixels, [1.0, 2.0, 3.0, 4.0].map(|value| [value; 3]));
         }
     }

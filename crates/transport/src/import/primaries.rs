@@ -2,7 +2,7 @@
 
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::Vec2;
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DMat3, DVec3, Mat3, Vec3};
 
 use crate::light::REC709_FROM_XYZ;
 
@@ -54,12 +54,10 @@ pub(super) fn into_rec709_from(stated: [[f32; 2]; 4], name: &str) -> Result<Opti
     Ok(Some(matrix))
 }
 
-/// Converts pixels. Those with a channel that is infinite or no number stay as they are.
-pub(super) fn convert(matrix: &DMat3, pixels: &mut [[f32; 3]]) {
-    let matrix = matrix.as_mat3();
-    for pixel in pixels.iter_mut().filter(|pixel| pixel.iter().all(|value| value.is_finite())) {
-        *pixel = (matrix * Vec3::from(*pixel)).to_array();
-    }
+/// A pixel that was converted. One with a channel that is infinite or no number stays as it is.
+pub(super) fn converted(matrix: &Mat3, pixel: [f32; 3]) -> [f32; 3] {
+    let is_finite = pixel.iter().all(|value| value.is_finite());
+    if is_finite { (*matrix * Vec3::from(pixel)).to_array() } else { pixel }
 }
 
 #[cfg(test)]
@@ -107,8 +105,8 @@ mod tests {
 
     #[test]
     fn what_overflowed_stays_infinite() {
-        let mut pixels = [[f32::INFINITY, 1.0, 1.0], [1.0; 3]];
-        convert(&DMat3::from_cols_array(&[2.0, -0.5, -0.5, -1.0, 2.0, 0.0, 0.0, -0.5, 1.5]), &mut pixels);
-        assert_eq!(pixels, [[f32::INFINITY, 1.0, 1.0], [1.0; 3]]);
+        let matrix = Mat3::from_cols_array(&[2.0, -0.5, -0.5, -1.0, 2.0, 0.0, 0.0, -0.5, 1.5]);
+        let pixels = [[f32::INFINITY, 1.0, 1.0], [1.0; 3]];
+        assert_eq!(pixels.map(|pixel| converted(&matrix, pixel)), pixels);
     }
 }

@@ -5,10 +5,11 @@ use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 
 use glam::DMat3;
 use image::ImageDecoder;
-use image::codecs::hdr::HdrDecoder;
+use image::codecs::hdr::{HdrDecoder, HdrMetadata};
 
 use super::files::{of_file, of_image};
-use super::primaries::{convert, into_rec709_from};
+use super::primaries::{converted, into_rec709_from};
+use super::raster::{Decoded, Raster, Whole};
 
 /// Where the head of a picture ends, at the latest, whose rows or columns run the other way.
 const MOST_HEAD_BYTES: u64 = 1 << 16;
@@ -38,17 +39,28 @@ pub(super) struct RadiancePicture {
 ///
 /// # Errors
 /// What is wrong with it, in words.
-#[expect(clippy::cast_possible_truncation, reason = "bytes of a picture whose size was checked")]
 pub(super) fn decode(
     bytes: &[u8],
     check: impl FnOnce([u32; 2]) -> Result<(), String>,
 ) -> Result<RadiancePicture, String> {
+    let Decoded { size, raster, is_converted, remark } = decode_into(bytes, check, Whole::new)?;
+    Ok(RadiancePicture { size, pixels: raster.pixels, is_converted, remark })
+}
+
+/// The same into what is made for pixels of that width and height, row by row: no more than one of them is held beside it.
+///
+/// # Errors
+/// As [`decode`].
+#[expect(clippy::arithmetic_side_effects, reason = "rows and columns of a picture")]
+pub(super) fn decode_into<R: Raster>(
+    bytes: &[u8],
+    check: impl FnOnce([u32; 2]) -> Result<(), String>,
+    raster: impl FnOnce([u32; 2]) -> R,
+) -> Result<Decoded<R>, String> {
     let (bytes, turned) = straightened(bytes).unwrap_or((Cow::Borrowed(bytes), Turned::default()));
-    // Strictly its head would begin with `#?RADIANCE`; `#?RGBE` is as common.
-    let decoder = HdrDecoder::new_nonstrict(Cursor::new(&*bytes)).map_err(of_image)?;
-    let size: [u32; 2] = decoder.dimensions().into();
+    let mut rest = &*bytes;
+    let (size, head) = head(&mut rest)?;
     check(size)?;
-    let head = decoder.metadata();
     let (exposure, (red, green, blue)) =
         (head.exposure.unwrap_or(1.0), head.color_correction.unwrap_or((1.0, 1.0, 1.0)));
     let factors = [exposure * red, exposure * green, exposure * blue];
@@ -57,25 +69,36 @@ pub(super) fn decode(
             "its head tells an exposure of {exposure} and a color correction of {red} {green} {blue}, by which nothing can be divided"
         ));
     }
-    let mut raw = vec![0u8; decoder.total_bytes() as usize];
-    decoder.read_image(&mut raw).map_err(of_image)?;
-    let value = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
-    let pixel = |b: &[u8]| [value(b) / factors[0], value(&b[4..]) / factors[1], value(&b[8..]) / factors[2]];
-    let mut pixels: Vec<[f32; 3]> = raw.chunks_exact(12).map(pixel).collect();
-    if turned.rows {
-        pixels.reverse();
-    }
-    // Backwards from the last pixel columns are turned as well.
-    if turned.rows != turned.columns {
-        for row in pixels.chunks_mut(size[0].max(1) as usize) {
-            row.reverse();
+    let colors = colors(&head.custom_attributes);
+    let into_rec709 = colors.as_ref().ok().copied().flatten().map(|matrix| matrix.as_mat3());
+    let mut raster = raster(size);
+    let [width, height] = size.map(|side| side as usize);
+    let mut row = Vec::new();
+    for nth in 0..height {
+        read_row(&mut rest, size[0], &mut row)?;
+        let y = if turned.rows { height - 1 - nth } else { nth };
+        for (nth, pixel) in row.iter().enumerate() {
+            let x = if turned.columns { width - 1 - nth } else { nth };
+            let pixel: [f32; 3] = std::array::from_fn(|c| pixel[c] / factors[c]);
+            raster.put(x, y, into_rec709.as_ref().map_or(pixel, |matrix| converted(matrix, pixel)));
         }
     }
-    let colors = colors(&head.custom_attributes);
-    if let Ok(Some(matrix)) = &colors {
-        convert(matrix, &mut pixels);
-    }
-    Ok(RadiancePicture { size, pixels, is_converted: matches!(colors, Ok(Some(_))), remark: colors.err() })
+    Ok(Decoded { size, raster, is_converted: into_rec709.is_some(), remark: colors.err() })
+}
+
+/// Width, height and head of a file, which is read up to its first row.
+fn head(rest: &mut &[u8]) -> Result<([u32; 2], HdrMetadata), String> {
+    // Strictly its head would begin with `#?RADIANCE`; `#?RGBE` is as common.
+    let decoder = HdrDecoder::new_nonstrict(rest).map_err(of_image)?;
+    Ok((decoder.dimensions().into(), decoder.metadata()))
+}
+
+/// Reads the next row: the decoder reads all rows of its file, so each is handed to it as a file of one.
+fn read_row(rest: &mut &[u8], width: u32, row: &mut Vec<[f32; 3]>) -> Result<(), String> {
+    let head = format!("\n-Y 1 +X {width}\n");
+    let decoder = HdrDecoder::new_nonstrict(head.as_bytes().chain(rest)).map_err(of_image)?;
+    row.resize(width as usize, [0.0; 3]);
+    decoder.read_image(bytemuck::cast_slice_mut(row)).map_err(of_image)
 }
 
 /// What makes its colors those of Rec. 709, or why what its head says of them is passed over, in words.

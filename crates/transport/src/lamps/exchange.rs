@@ -40,6 +40,6 @@ mod tests {
         let disk = FreeLamp { strength: 50.0, unit: LampUnit::Nit, ..lamp(LampShape::Disk { radius_m: 2.0 }) };
         let candela = disk.strength_in(LampUnit::Candela).unwrap();
         assert!((candela / (50.0 * 4.0 * std::f32::consts::PI) - 1.0).abs() < 1e-5, "{candela}");
-        assert_eq!(lamp(LampShape::Directional).strength_in(LampUnit::Lumen), None);
+        assert_eq!(lamp(LampShape::Directional { radius_rad: 0.0 }).strength_in(LampUnit::Lumen), None);
     }
 }

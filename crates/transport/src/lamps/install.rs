@@ -29,7 +29,7 @@ impl PreparedLamps {
                     PunctualKind::Spot { .. } => SourceKind::Spot,
                     _ => SourceKind::Point,
                 },
-                Form::Distant(_) => SourceKind::Directional,
+                Form::Distant { .. } => SourceKind::Directional,
                 Form::Body(_) => SourceKind::Emitter,
             };
             let (key, columns) = (prepared.key.clone(), column..column + 1);

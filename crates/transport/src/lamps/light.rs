@@ -29,8 +29,13 @@ pub(crate) enum Form {
         /// Radius of a beam that carries as much, at a distance of 1 m, and no more than that.
         spread: f32,
     },
-    /// From infinitely far away, along a unit direction.
-    Distant(Vec3),
+    /// From a disk infinitely far away.
+    Distant {
+        /// Along which its middle shines, a unit vector.
+        direction: Vec3,
+        /// Of the angle from its middle to its rim; 0 of a point.
+        one_minus_cos: f32,
+    },
     /// From a body.
     Body(Body),
 }
@@ -45,7 +50,7 @@ pub(crate) struct Lit {
     /// Radiance at emission 1 over the density of the sample per solid angle; of a lamp without size its irradiance on a
     /// surface that faces it.
     pub factor: f32,
-    /// One over the density per solid angle, 0 for a lamp without size.
+    /// One over the density per solid angle, 0 for a lamp that no walk meets: one without size, and parallel light.
     pub spread_sr: f32,
 }
 
@@ -78,8 +83,11 @@ impl Lamp {
     pub(crate) fn lit(&self, position: Vec3, u: Vec2, far: f32) -> Option<Lit> {
         match &self.form {
             Form::Point { .. } => self.lit_from(&self.point(u)?, position),
-            Form::Distant(direction) => {
-                Some(Lit { target: position - *direction * far, wi: -*direction, factor: 1.0, spread_sr: 0.0 })
+            Form::Distant { direction, one_minus_cos } => {
+                let wi = towards_disk(*direction, *one_minus_cos, u);
+                // A surface that faces the middle gets 1 lx: the disk's mean cosine is ½ (1 + cos).
+                let factor = 2.0 / (2.0 - *one_minus_cos);
+                Some(Lit { target: position + wi * far, wi, factor, spread_sr: 0.0 })
             }
             Form::Body(body) => lit_by(&body.sample(u), body.area(), position),
         }
@@ -114,7 +122,7 @@ impl Lamp {
     pub(crate) fn point(&self, u: Vec2) -> Option<BodyPoint> {
         match &self.form {
             Form::Point { light, .. } => Some(BodyPoint { position: light.position, normal: light.direction }),
-            Form::Distant(_) => None,
+            Form::Distant { .. } => None,
             Form::Body(body) => Some(body.sample(u)),
         }
     }
@@ -132,7 +140,7 @@ impl Lamp {
                 let factor = falloff / square.max(POINT_RADIUS_M * POINT_RADIUS_M);
                 (falloff > 0.0).then_some(Lit { target: point.position, wi, factor, spread_sr: 0.0 })
             }
-            Form::Distant(_) => None,
+            Form::Distant { .. } => None,
             Form::Body(body) => lit_by(point, body.area(), position),
         }
     }
@@ -150,8 +158,9 @@ impl Lamp {
         if slabs.is_empty() {
             return nothing;
         }
-        if let Form::Distant(direction) = self.form {
-            let route = may_arrive(-direction).then(|| slabs.route_beyond(position, -direction, far)).flatten();
+        if let Form::Distant { direction, one_minus_cos } = self.form {
+            let wi = towards_disk(direction, one_minus_cos, u);
+            let route = may_arrive(wi).then(|| slabs.route_beyond(position, wi, far)).flatten();
             let first = route.as_ref().and_then(|route| route.slabs().first().copied());
             return Through { first, way: route.map(|route| Way { route, end: None }) };
         }
@@ -183,6 +192,15 @@ impl Lamp {
         }
     }
 
+    /// Whether it is seen under an angle, so that its light comes from more than one direction.
+    pub(crate) fn has_size(&self) -> bool {
+        match self.form {
+            Form::Point { .. } => false,
+            Form::Distant { one_minus_cos, .. } => one_minus_cos > 0.0,
+            Form::Body(_) => true,
+        }
+    }
+
     /// Whether its body is a sphere: what of it is seen differs from place to place.
     pub(crate) fn is_ball(&self) -> bool {
         matches!(self.form, Form::Body(Body::Sphere { .. }))
@@ -190,8 +208,14 @@ impl Lamp {
 
     /// Whether it shines from infinitely far away.
     pub(crate) fn is_beyond(&self) -> bool {
-        matches!(self.form, Form::Distant(_))
+        matches!(self.form, Form::Distant { .. })
     }
+}
+
+/// Towards a disk infinitely far away, all of its directions alike, given along which its middle shines.
+fn towards_disk(direction: Vec3, one_minus_cos: f32, u: Vec2) -> Vec3 {
+    // The difference has no negative zeros, so that a device chooses the same sides around it.
+    in_cone(Vec3::ZERO - direction, one_minus_cos, u).0
 }
 
 /// A point that was chosen evenly from an area.
@@ -326,6 +350,24 @@ mod tests {
         };
         assert!((factor(0.5) - 4.0).abs() < 1e-4 && (factor(0.1) - 100.0).abs() < 1e-2);
         assert!((factor(1e-3) - 1e4).abs() < 1.0 && factor(0.0) == 0.0);
+    }
+
+    #[test]
+    fn parallel_light_comes_from_all_of_its_disk_and_brings_its_lux() {
+        for radius_rad in [0.0, 0.01, 0.3, 0.7f32] {
+            let prepared = PreparedLamps::new(&[lamp(LampShape::Directional { radius_rad })], None).expect("a lamp").0;
+            let sun = &prepared.lamps()[0].lamp;
+            let lit = |u| sun.lit(Vec3::ZERO, u, 1e3);
+            let lux = irradiance(4096, Vec3::Y, lit);
+            assert!((lux - 1.0).abs() < 5e-3, "{radius_rad}: {lux}");
+            let aside =
+                |i| lit(Vec2::from(Sampler::new(7, 2, i).next_2d())).expect("it shines").wi.angle_between(Vec3::Y);
+            let angles: Vec<f32> = (0..4096).map(aside).collect();
+            assert!(angles.iter().all(|angle| *angle <= radius_rad + 1e-3), "{radius_rad}");
+            let inner = angles.iter().filter(|angle| **angle < 0.5 * radius_rad).count() as f32 / 4096.0;
+            let expected = (0.25 * radius_rad).sin().powi(2) / (0.5 * radius_rad).sin().powi(2);
+            assert!(radius_rad < 0.1 || (inner - expected).abs() < 0.02, "{radius_rad}: {inner} of {expected}");
+        }
     }
 
     #[test]

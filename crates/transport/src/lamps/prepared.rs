@@ -92,6 +92,8 @@ const FARTHEST_M: f32 = 1e6;
 const STRONGEST: f32 = 1e12;
 /// Turns about the aim either way, degrees, with room for rounding.
 const MOST_TURN_DEG: f32 = 360.001;
+/// Angle under which parallel light is seen, from rim to rim, degrees, with room for rounding.
+const MOST_ANGLE_DEG: f32 = 90.001;
 /// Points on a body of which irradiance is the mean: as many as a fan has.
 const POINTS: usize = 16;
 /// The same on a body so far away that it is small: of many patches few see part of it.
@@ -185,7 +187,7 @@ impl PreparedLamp {
         self.emission * self.arriving(scene, &place, n_points, |cos| sample.response(cos))
     }
 
-    /// Illuminance at emission 1, light of each direction times a response to its cosine; of a body by some of its points, [`POINTS`] at most.
+    /// Illuminance at emission 1, light of each direction times a response to its cosine; of a lamp with a size by some of its points, [`POINTS`] at most.
     fn arriving(&self, scene: &PreparedScene, place: &Place, n_points: usize, response: impl Fn(f32) -> f32) -> Vec3 {
         let straight = self.arriving_straight(scene, place, n_points, &response);
         if scene.slabs.is_empty() {
@@ -202,7 +204,7 @@ impl PreparedLamp {
         n_points: usize,
         response: impl Fn(f32) -> f32,
     ) -> Vec3 {
-        let n_points = if self.lamp.body().is_some() { n_points } else { 1 };
+        let n_points = if self.lamp.has_size() { n_points } else { 1 };
         let of_point = |nth: usize| {
             let u = lattice(nth as u32);
             let way = self.lamp.through(&scene.slabs, (position, far), u, |wi| wi.dot(normal) > 0.0).way?;
@@ -224,7 +226,7 @@ impl PreparedLamp {
         response: impl Fn(f32) -> f32,
     ) -> Vec3 {
         let &Place { position, normal, origin, far } = place;
-        if self.lamp.body().is_none() {
+        if !self.lamp.has_size() {
             let Some(lit) = self.lamp.lit(position, Vec2::ZERO, far) else { return Vec3::ZERO };
             let cos = lit.wi.dot(normal);
             let value = lit.factor * cos * response(cos);
@@ -283,7 +285,9 @@ fn prepare(
     let [right, up, ahead] = lamp.frame();
     let form = match (&lamp.shape, body) {
         (_, Some((body, _))) => Form::Body(body),
-        (LampShape::Directional, _) => Form::Distant(ahead),
+        (LampShape::Directional { radius_rad }, _) => {
+            Form::Distant { direction: ahead, one_minus_cos: 2.0 * (0.5 * *radius_rad).sin().powi(2) }
+        }
         (shape, None) => {
             let kind = shape.without_size();
             let light = PunctualLight {
@@ -330,7 +334,10 @@ fn check(lamp: &FreeLamp) -> Result<(), LampError> {
         }
         LampShape::Rectangle { size_m: [width, height] } => size("width", width).and_then(|()| size("height", height)),
         LampShape::Disk { radius_m } | LampShape::Sphere { radius_m } => size("radius", radius_m),
-        LampShape::Point | LampShape::Directional | LampShape::Profile { .. } => Ok(()),
+        LampShape::Directional { radius_rad } => {
+            within("angle", 2.0 * radius_rad.to_degrees(), [0.0, MOST_ANGLE_DEG], "degrees from 0 to 90")
+        }
+        LampShape::Point | LampShape::Profile { .. } => Ok(()),
     }
 }
 

@@ -24,7 +24,7 @@ impl FreeLamp {
             PunctualKind::Spot { inner_rad, outer_rad } => {
                 (LampShape::Spot { inner_rad, outer_rad }, LampUnit::Candela)
             }
-            PunctualKind::Directional => (LampShape::Directional, LampUnit::Lux),
+            PunctualKind::Directional => (LampShape::Directional { radius_rad: light.radius_rad }, LampUnit::Lux),
         };
         // The setting multiplies, and replaces the color of the file where it has one of its own.
         let own = setting.color.or((source.color != Vec3::ONE).then(|| source.color.to_array()));

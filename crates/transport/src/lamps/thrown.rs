@@ -63,7 +63,7 @@ impl PreparedLamp {
                 let rays = of_point(light, profile.as_deref());
                 rays.into_iter().map(|(along, flux)| beam((light.position, along, flux), POINT_RADIUS_M)).collect()
             }
-            Form::Distant(_) => Vec::new(),
+            Form::Distant { .. } => Vec::new(),
             Form::Body(body) => {
                 let flux = PI * body.area() / BEAMS as f32;
                 let ray = |nth: u32| {
@@ -83,7 +83,7 @@ impl Lamp {
     fn apart_m(&self, place: Vec3) -> f32 {
         match &self.form {
             Form::Point { light, spread, .. } => light.position.distance(place) * spread,
-            Form::Distant(_) => f32::INFINITY,
+            Form::Distant { .. } => f32::INFINITY,
             Form::Body(body) => body.distance(place) + body.breadth(),
         }
     }

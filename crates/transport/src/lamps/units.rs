@@ -17,7 +17,7 @@ pub(super) fn native_strength(
 ) -> Result<f64, LampError> {
     let strength = f64::from(lamp.strength);
     let native = match (&lamp.shape, body, profile) {
-        (LampShape::Directional, ..) => (lamp.unit == LampUnit::Lux).then_some(strength),
+        (LampShape::Directional { .. }, ..) => (lamp.unit == LampUnit::Lux).then_some(strength),
         (LampShape::Sphere { .. }, Some((body, area)), _) => {
             of_body(lamp.unit, strength, area, f64::from(body.area()), 4.0)
         }
@@ -125,7 +125,7 @@ mod tests {
         let sphere = || LampShape::Sphere { radius_m: 0.5 };
         near(native(sphere(), 1000.0, Lumen), 1000.0 / (pi * pi));
         near(native(sphere(), 1000.0, Candela), 1000.0 / (pi * 0.25));
-        near(native(LampShape::Directional, 900.0, Lux), 900.0);
+        near(native(LampShape::Directional { radius_rad: 0.0 }, 900.0, Lux), 900.0);
     }
 
     #[test]
@@ -174,9 +174,9 @@ mod tests {
             (LampShape::Rectangle { size_m: [1.0; 2] }, Lux),
             (LampShape::Disk { radius_m: 1.0 }, Lux),
             (LampShape::Sphere { radius_m: 1.0 }, Lux),
-            (LampShape::Directional, Lumen),
-            (LampShape::Directional, Candela),
-            (LampShape::Directional, Nit),
+            (LampShape::Directional { radius_rad: 0.0 }, Lumen),
+            (LampShape::Directional { radius_rad: 0.0 }, Candela),
+            (LampShape::Directional { radius_rad: 0.0 }, Nit),
         ];
         for (shape, unit) in refused {
             assert!(native(shape.clone(), 1.0, unit).is_none(), "{shape:?} in {unit:?}");

@@ -10,7 +10,7 @@ use crate::prepared::PreparedScene;
 use crate::scene::PunctualKind;
 
 /// As a device takes it: kind (0 point, 1 spot, 2 parallel light, 3 rectangle, 4 disk, 5 sphere) and three words that are its own; then
-/// bits of f32: place and area; axis or normal, and one minus the cosine of a spot's outer angle; half of each side of a flat body, beside them one
+/// bits of f32: place and area; axis or normal, and one minus the cosine of a spot's outer angle or of the radius of a disk far away; half of each side of a flat body, beside them one
 /// over how much of that its rise to the full intensity takes and the squared distance within which its points are chosen by the angle that it fills
 /// (of a sphere its squared radius); emission, and a distance beyond everything.
 pub type LampWords = [u32; 24];
@@ -61,7 +61,9 @@ fn plain(form: &Form) -> Option<Plain> {
                 PunctualKind::Point | PunctualKind::Directional => plain,
             })
         }
-        Form::Distant(axis) => Some(Plain { kind: 2, axis: *axis, ..Plain::default() }),
+        Form::Distant { direction: axis, one_minus_cos: rim } => {
+            Some(Plain { kind: 2, axis: *axis, rim: *rim, ..Plain::default() })
+        }
         Form::Body(body) => {
             let (position, radius) = body.ball();
             let (kind, axis, half, reach) = match body {

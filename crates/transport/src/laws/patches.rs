@@ -393,7 +393,7 @@ fn while_parallel_light_turns_evenly_the_picture_does() {
     let picture = |t: f32| {
         let (sin, cos) = (1.1 * t - 0.55).sin_cos();
         let aim = Vec3::Y + Vec3::new(sin, -cos, 0.3);
-        by_lamp(&scene, &bake, FreeLamp { aim, ..lamp(LampShape::Directional) }, None)
+        by_lamp(&scene, &bake, FreeLamp { aim, ..lamp(LampShape::Directional { radius_rad: 0.0 }) }, None)
     };
     assert_even("parallel light", picture, [1.4, 0.06]);
 }

@@ -11,7 +11,7 @@ use super::walks::assert_same_mean;
 use crate::archive::{self, Restart};
 use crate::bake::focus::Focus;
 use crate::bake::reuse::NothingKept;
-use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, HalfDone, Indirect, Passes};
+use crate::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, HalfDone, Indirect, Passes};
 use crate::basis::LightSource;
 use crate::camera::{Camera, Film};
 use crate::fingerprint::digest;
@@ -239,6 +239,30 @@ fn a_view_stays_what_it_is_when_its_camera_is_renamed() {
         assert_eq!((n_traced, &*again.header.camera), (0, "door"));
         assert!(again.header.is_of(of_file, &before));
     }
+}
+
+#[test]
+fn a_bake_knows_its_surfaces_and_its_view_whatever_lights_them() {
+    let job = job(scene(|_| {}));
+    let job = BakeJob { irradiance: Vec::new(), config: BakeConfig { spp: 4, ..job.config.clone() }, ..job };
+    let header = (*baked(job).header).clone();
+    let lit_otherwise = scene(|s| {
+        (s.punctual[0].intensity, s.punctual[1].radius_rad) = (7.0, 0.01);
+        add_lamp(s);
+    });
+    assert_eq!(header.camera_in(&lit_otherwise), None);
+    assert_eq!(header.camera_on_surfaces_of(&lit_otherwise), Some(&lit_otherwise.cameras[0]));
+    let renamed = scene(|s| s.cameras[0].name = "door".into());
+    assert_eq!(header.camera_on_surfaces_of(&renamed), Some(&renamed.cameras[0]));
+    for other in [
+        scene(|s| s.mesh.positions[0].x -= 0.1),
+        scene(|s| s.materials[0].roughness *= 0.5),
+        scene(|s| s.cameras[0].yfov_rad = 1.2),
+    ] {
+        assert_eq!(header.camera_on_surfaces_of(&other), None);
+    }
+    let unknown = BakeHeader { grounds: None, ..header };
+    assert_eq!(unknown.camera_on_surfaces_of(&lit_otherwise), None);
 }
 
 #[test]

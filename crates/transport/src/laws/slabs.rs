@@ -229,7 +229,7 @@ fn lamps_of_a_look_send_through_windows_what_lamps_of_the_file_send() {
     };
     let of_file = [
         (LampShape::Point, window().lamp("of the file", place, 7.0)),
-        (LampShape::Directional, window().distant("of the file", down, 7.0)),
+        (LampShape::Directional { radius_rad: 0.0 }, window().distant("of the file", down, 7.0)),
     ];
     for (shape, stage) in of_file {
         let what = format!("{shape:?}");

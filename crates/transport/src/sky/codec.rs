@@ -5,10 +5,9 @@
 #![cfg_attr(not(test), deny(clippy::cast_possible_truncation, clippy::cast_sign_loss))]
 
 use clerestory_nystrom::codec::checksum;
-use glam::Vec3;
 use half::f16;
 
-use super::Environment;
+use super::{Averaged, Environment};
 
 /// Widest map that a file keeps, so that the sky behind a picture is as sharp as its map; wider ones are averaged down.
 const MAX_STORED_WIDTH: usize = 8192;
@@ -28,39 +27,18 @@ impl Environment {
         Environment::of_clean(small.width(), small.height(), pixels)
     }
 
-    /// Means over squares of `factor` pixels a side; what is left over at the edges shares the last pixel.
-    #[expect(clippy::arithmetic_side_effects, reason = "indices of a map in memory")]
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "sides of a map of at most `MAX_PIXELS` pixels"
-    )]
+    /// Means over squares of `factor` pixels a side; what is left over at the edges is spread over all of them.
+    #[expect(clippy::arithmetic_side_effects, reason = "places in a map in memory, which has a pixel at least")]
     fn reduced(&self, factor: usize) -> Environment {
-        let (w, h) = (self.width(), self.height());
-        let (width, height) = (w.div_ceil(factor), h.div_ceil(factor));
         if factor <= 1 {
             return self.clone();
         }
-        // Edges of the new pixels in units of old ones; overlaps are weighed, so that the map keeps its directions.
-        let across = |nth: usize| [nth as f64, nth as f64 + 1.0].map(|edge| edge * w as f64 / width as f64);
-        let down = |nth: usize| {
-            let step = (h - 1) as f64 / (height - 1).max(1) as f64;
-            [nth as f64 - 0.5, nth as f64 + 0.5].map(|edge| (edge * step + 0.5).clamp(0.0, h as f64))
-        };
-        let covered = |[start, end]: [f64; 2], old: usize| (end.min(old as f64 + 1.0) - start.max(old as f64)) as f32;
-        let mean = |idx: usize| {
-            let (across, down) = (across(idx % width), down(idx / width));
-            let (mut sum, mut total) = (Vec3::ZERO, 0.0);
-            for y in down[0] as usize..(down[1].ceil() as usize).min(h) {
-                for x in across[0] as usize..(across[1].ceil() as usize).min(w) {
-                    let weight = covered(across, x) * covered(down, y);
-                    sum += Vec3::from(self.pixels()[y * w + x]) * weight;
-                    total += weight;
-                }
-            }
-            (sum / total).to_array()
-        };
-        Environment::of_clean(width, height, (0..width * height).map(mean).collect())
+        let (width, height) = (self.width(), self.height());
+        let mut averaged = Averaged::new([width, height], [width.div_ceil(factor), height.div_ceil(factor)]);
+        for (idx, pixel) in self.pixels().iter().enumerate() {
+            averaged.put(idx % width, idx / width, *pixel);
+        }
+        averaged.finish().0
     }
 
     /// A power of two that brings the brightest channel into the range of f16.
@@ -109,6 +87,8 @@ impl Environment {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     fn map(width: usize) -> Environment {

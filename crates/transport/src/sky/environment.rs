@@ -38,6 +38,20 @@ pub struct Cleaned {
     pub n_capped: usize,
 }
 
+impl Cleaned {
+    /// Counts a pixel as it was read.
+    #[expect(clippy::arithmetic_side_effects, reason = "counts of the pixels of a picture")]
+    pub(super) fn count(&mut self, pixel: [f32; 3]) {
+        self.n_black += usize::from(pixel.iter().any(|v| v.is_nan() || *v < 0.0));
+        self.n_capped += usize::from(pixel.iter().any(|v| *v > Environment::MAX_NIT));
+    }
+}
+
+/// What is taken for a channel that is not infinite.
+pub(super) fn believed(channel: f32) -> f32 {
+    if channel >= 0.0 { channel.min(Environment::MAX_NIT) } else { 0.0 }
+}
+
 /// The uniform sky of 1 nit.
 impl Default for Environment {
     fn default() -> Self {
@@ -54,7 +68,7 @@ impl PartialEq for Environment {
 
 #[expect(clippy::arithmetic_side_effects, reason = "sides and places of maps that `is_size` has let in")]
 impl Environment {
-    /// Most pixels that are believed.
+    /// Most pixels that a map has; files of more are averaged down.
     pub const MAX_PIXELS: usize = 1 << 25;
     /// Brightest channel that is believed, in nit; the sun's disk has 2·10⁹.
     pub const MAX_NIT: f32 = 1e12;
@@ -73,10 +87,8 @@ impl Environment {
         let overflowed = finite.fold(f16::MAX.to_f32(), f32::max);
         let mut cleaned = Cleaned::default();
         for pixel in &mut pixels {
-            cleaned.n_black += usize::from(pixel.iter().any(|v| v.is_nan() || *v < 0.0));
-            cleaned.n_capped += usize::from(pixel.iter().any(|v| *v > Environment::MAX_NIT));
-            let told = pixel.map(|v| if v == f32::INFINITY { overflowed } else { v });
-            *pixel = told.map(|v| if v >= 0.0 { v.min(Environment::MAX_NIT) } else { 0.0 });
+            cleaned.count(*pixel);
+            *pixel = pixel.map(|v| believed(if v == f32::INFINITY { overflowed } else { v }));
         }
         Ok((Environment::of_clean(width, height, pixels), cleaned))
     }

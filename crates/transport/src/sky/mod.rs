@@ -8,6 +8,7 @@
 //! column more that says where the camera sees it, so that it is shown sharply and not in patches.
 
 mod analytic;
+mod averaged;
 mod backdrop;
 mod coarse;
 mod codec;
@@ -26,6 +27,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::light::luminance;
+
+pub(crate) use averaged::{Averaged, size_within};
 
 pub use analytic::{DEFAULT_TURBIDITY, analytic_sky, sun_illuminance, sun_tint};
 pub use backdrop::Backdrop;

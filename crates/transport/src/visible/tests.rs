@@ -159,7 +159,7 @@ fn shapes() -> [FreeLamp; 6] {
     [
         lamp(LampShape::Point, above, 100.0, LampUnit::Lumen),
         lamp(LampShape::Spot { inner_rad: 0.3, outer_rad: 0.7 }, above, 100.0, LampUnit::Lumen),
-        lamp(LampShape::Directional, above, 100.0, LampUnit::Lux),
+        lamp(LampShape::Directional { radius_rad: 0.0 }, above, 100.0, LampUnit::Lux),
         lamp(LampShape::Rectangle { size_m: [0.6, 0.3] }, above, 100.0, LampUnit::Lumen),
         lamp(LampShape::Disk { radius_m: 0.25 }, above, 100.0, LampUnit::Lumen),
         lamp(LampShape::Sphere { radius_m: 0.2 }, above, 100.0, LampUnit::Lumen),
@@ -173,7 +173,8 @@ fn direct_light_is_that_of_walks_which_end_at_the_first_surface() {
     std::fs::write(&file, ONE_SIDED).expect("the folder can be written");
     let shape = LampShape::Profile { file: file.display().to_string() };
     let measured = lamp(shape, Vec3::new(0.3, 1.7, 0.2), 100.0, LampUnit::Lumen);
-    for lamp in shapes().into_iter().chain([FreeLamp { turn_rad: 0.5, ..measured }]) {
+    let soft = FreeLamp { shape: LampShape::Directional { radius_rad: 0.15 }, ..shapes()[2].clone() };
+    for lamp in shapes().into_iter().chain([FreeLamp { turn_rad: 0.5, ..measured }, soft]) {
         compare(room, std::slice::from_ref(&lamp), 0, 256, &format!("{:?}", lamp.shape));
     }
 }

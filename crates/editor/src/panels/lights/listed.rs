@@ -103,7 +103,7 @@ impl Listed<'_> {
     /// World-space position in meters, if it is anywhere.
     pub fn position(&self) -> Option<Vec3> {
         match &self.light {
-            LightOf::Look(lamp, _) => (lamp.shape != LampShape::Directional).then_some(lamp.position),
+            LightOf::Look(lamp, _) => (!lamp.shape.is_parallel()).then_some(lamp.position),
             LightOf::Scene(source) => source.origin.position,
         }
     }

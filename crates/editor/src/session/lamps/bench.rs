@@ -194,7 +194,7 @@ impl Bench {
     /// Passes that a lamp takes, of what is seen and of what arrives.
     fn most_passes(&self, lamp: &FreeLamp) -> (u32, u32) {
         let kept = self.n_samples as u32;
-        let seen = if lamp.shape.has_surface() { SOFT_PASSES } else { kept.max(self.most_samples) };
+        let seen = if lamp.shape.has_soft_shadows() { SOFT_PASSES } else { kept.max(self.most_samples) };
         (seen, if self.view.measures { kept } else { 0 })
     }
 

@@ -159,7 +159,7 @@ mod tests {
         let shapes = [
             (LampShape::Point, LampUnit::Lumen),
             (LampShape::Spot { inner_rad, outer_rad }, LampUnit::Lumen),
-            (LampShape::Directional, LampUnit::Lux),
+            (LampShape::Directional { radius_rad: 0.0 }, LampUnit::Lux),
             (LampShape::Rectangle { size_m: [0.3, 0.2] }, LampUnit::Lumen),
             (LampShape::Disk { radius_m: 0.15 }, LampUnit::Lumen),
             (LampShape::Sphere { radius_m: 0.05 }, LampUnit::Lumen),
@@ -334,7 +334,10 @@ mod tests {
     fn assert_light_through_panes(gpus: &[Gpu], view: &LampView, [behind, before]: [Vec3; 2]) {
         let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
         let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
-        let sides = [lamps(behind, before), lamps(before, behind)];
+        let sides = [[behind, before], [before, behind]].map(|[place, aim]| {
+            let soft = lamp(LampShape::Directional { radius_rad: 0.1 }, LampUnit::Lux, [place, aim]);
+            lamps(place, aim).into_iter().chain([soft]).collect::<Vec<_>>()
+        });
         for (gpu, (side, lamps)) in gpus.iter().flat_map(|gpu| sides.iter().enumerate().map(move |side| (gpu, side))) {
             let mut device = LampDevice::new(gpu, view).unwrap();
             for (nth, lamp) in lamps.iter().enumerate() {
@@ -379,10 +382,16 @@ mod tests {
         let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
         let mut device = LampDevice::new(&gpu, &view).unwrap();
         let eye = view.camera.position();
-        let lamp = &lamps(eye, eye + Vec3::new(-1.0, -0.1, -0.2))[2];
-        let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
-        let (n_different, [sum, _]) = compare(&found, &points.direct(&view.scene, lamp, 0, &|| false).unwrap());
-        assert!(n_different <= FILM.n_pixels() / 200 && sum > 0.0, "{n_different} pixels differ, {sum}");
+        let [lamp, soft] = [0.0, 0.1].map(|radius_rad| {
+            let aim = eye + Vec3::new(-1.0, -0.1, -0.2);
+            lamp(LampShape::Directional { radius_rad }, LampUnit::Lux, [eye, aim])
+        });
+        let lamp = &lamp;
+        for lamp in [lamp, &soft] {
+            let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
+            let (n_different, [sum, _]) = compare(&found, &points.direct(&view.scene, lamp, 0, &|| false).unwrap());
+            assert!(n_different <= FILM.n_pixels() / 200 && sum > 0.0, "{n_different} pixels differ, {sum}");
+        }
         assert!(device.direct((5, &points), lamp, 0, &|| false).unwrap().is_none(), "that sample is not kept");
         let two = [lamp, lamp].map(|_| FreeLamp {
             key: "two".into(),

@@ -7,7 +7,7 @@ use image::{DynamicImage, ImageReader, Limits};
 use super::MAX_PIXELS;
 use crate::camera::Film;
 use crate::import::files::{check_pixels, guarded, of_file, of_image};
-use crate::import::openexr::{self, Beside, Wanted};
+use crate::import::openexr::{self, Threads, Wanted};
 use crate::import::radiance::{self, RadiancePicture};
 use crate::texture::srgb_to_linear;
 
@@ -50,7 +50,7 @@ pub(super) fn size(mut file: impl BufRead + Seek, n_bytes: u64) -> Result<[u32; 
     let kind = kind_of(start)?;
     file.seek(SeekFrom::Start(0)).map_err(|e| of_file(&e))?;
     let size = guarded(|| match kind {
-        Kind::OpenExr => openexr::shown_size(file, &|size| check_size(size, u64::MAX)),
+        Kind::OpenExr => openexr::windows(file, &|size| check_size(size, u64::MAX)).map(|windows| windows.shown),
         Kind::Radiance => radiance::size(file),
         Kind::Encoded => {
             let reader = ImageReader::new(file).with_guessed_format().map_err(|e| of_file(&e))?;
@@ -72,7 +72,7 @@ pub fn decode_picture(bytes: &[u8]) -> Result<Picture, String> {
             // Pictures of a stack are read side by side.
             let check = |size| check_size(size, u64::MAX);
             let openexr::ExrPicture { size, pixels, remark, .. } =
-                openexr::decode(bytes, Wanted::Shown, Beside::Others, &check)?;
+                openexr::decode(bytes, Wanted::Shown, Threads::One, &check)?;
             Ok(Picture { size, pixels, was_encoded: false, remark })
         }
         Kind::Radiance => {
