@@ -164,7 +164,7 @@ impl<W: Lanes<WIDTH>> BoxMembers<W> {
         })
     }
 
-    /// Those of the `entered` boxes that one of the members in `free` meets, by the very arithmetic of single rays.
+    /// Those of the `entered` boxes that one of the members in `free` meets, with the slack that single rays grant.
     #[inline(always)]
     pub fn confirm(&self, node: &Node, entered: u32, free: u16) -> u32 {
         let (mut confirmed, mut pending) = (0, entered);

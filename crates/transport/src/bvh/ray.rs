@@ -10,6 +10,8 @@ use super::{Hit, Ray, not_negative};
 pub(super) struct BoxRay<W> {
     origin: [W; 3],
     reciprocal: [W; 3],
+    /// The same, with the slack of far sides: rounding never loses a triangle inside a box.
+    far_reciprocal: [W; 3],
     t_min: W,
     /// Row of the plane that the ray meets first, by axis; the other lies three rows away.
     near_rows: [usize; 3],
@@ -24,6 +26,7 @@ impl<W: Lanes<WIDTH>> BoxRay<W> {
         BoxRay {
             origin: three!(|axis| W::splat(origin[axis])),
             reciprocal: three!(|axis| W::splat(reciprocal[axis])),
+            far_reciprocal: three!(|axis| W::splat(reciprocal[axis] * FAR_SLACK)),
             t_min: W::splat(not_negative(ray.t_min)),
             near_rows,
             far_rows: three!(|axis| 2 * axis + 3 - near_rows[axis]),
@@ -33,13 +36,13 @@ impl<W: Lanes<WIDTH>> BoxRay<W> {
     /// The boxes that the ray enters before `t_max`, and where. A ray within a plane of a box (NaN) meets that plane's slab.
     #[inline(always)]
     pub fn enter(&self, node: &Node, t_max: f32) -> (u32, W) {
-        let (mut near, mut far) = (self.t_min, W::splat(t_max));
+        let (mut near, mut far) = (self.t_min, W::splat(t_max * FAR_SLACK));
         for axis in 0..3 {
-            let (origin, reciprocal) = (self.origin[axis], self.reciprocal[axis]);
-            near = ((W::load(row_of(node, self.near_rows[axis])) - origin) * reciprocal).max(near);
-            far = ((W::load(row_of(node, self.far_rows[axis])) - origin) * reciprocal).min(far);
+            let origin = self.origin[axis];
+            near = ((W::load(row_of(node, self.near_rows[axis])) - origin) * self.reciprocal[axis]).max(near);
+            far = ((W::load(row_of(node, self.far_rows[axis])) - origin) * self.far_reciprocal[axis]).min(far);
         }
-        (near.at_most(far * W::splat(FAR_SLACK)), near)
+        (near.at_most(far), near)
     }
 }
 
