@@ -146,7 +146,7 @@ pub fn lamp_menu(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &
     };
     let aims = lamp.shape.is_aimed() && chosen(ui, "Aim at…", None);
     chosen(ui, "Duplicate", Some(Action::DuplicateLamp));
-    if lamp.shape != LampShape::Directional {
+    if !lamp.shape.is_parallel() {
         chosen(ui, "Give it a profile…", Some(Action::AskProfileFor(lamp.key.clone())));
     }
     chosen(ui, "Delete", Some(Action::DeleteLamp));

@@ -28,8 +28,6 @@ pub(super) struct RadiancePicture {
     pub size: [u32; 2],
     /// Row by row from the top left.
     pub pixels: Vec<[f32; 3]>,
-    /// Whether its head states other primaries than those of Rec. 709.
-    pub is_converted: bool,
     /// What is odd about it, in words.
     pub remark: Option<String>,
 }
@@ -43,8 +41,8 @@ pub(super) fn decode(
     bytes: &[u8],
     check: impl FnOnce([u32; 2]) -> Result<(), String>,
 ) -> Result<RadiancePicture, String> {
-    let Decoded { size, raster, is_converted, remark } = decode_into(bytes, check, Whole::new)?;
-    Ok(RadiancePicture { size, pixels: raster.pixels, is_converted, remark })
+    let Decoded { size, raster, remark, .. } = decode_into(bytes, check, Whole::new)?;
+    Ok(RadiancePicture { size, pixels: raster.pixels, remark })
 }
 
 /// The same into what is made for pixels of that width and height, row by row: no more than one of them is held beside it.
