@@ -801,6 +801,12 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     let mut window = open(Source::File(path.clone()));
     wait(&mut window, |app| app.session().lamp_scene().is_some() && app.n_pictures() > 0);
     assert!(window.state().session().opened.as_ref().unwrap().scene.is_none());
+    wait(&mut window, App::is_settled);
+    let at = on_screen(&window, Vec3::new(0.3, 0.6, -0.2));
+    ask_for_menu(&mut window, at);
+    click(&mut window, "Make movable");
+    assert!(says(&window, "lamp cannot be made movable: in its file it shines otherwise than in this bake"));
+    assert!(lamps(&window).is_empty());
     click(&mut window, "Add lamp");
     click(&mut window, "Sphere");
     wait(&mut window, App::is_settled);
