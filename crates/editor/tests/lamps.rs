@@ -19,8 +19,8 @@ use glam::Vec3;
 use serde_json::{Value, json};
 
 use desk::{
-    Dropped, Window, ask_for, baked, click, drag, on_screen, open, open_with, quick, reach, replace_and_reload, room,
-    wait, wait_until,
+    Dropped, Window, ask_for, ask_for_menu, baked, click, drag, on_screen, open, open_with, quick, reach,
+    replace_and_reload, room, wait, wait_until,
 };
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
@@ -690,17 +690,6 @@ fn make_movable(window: &mut Window, key: &str) {
     let row = window.get_by_label(&format!("Mute {key}")).rect();
     ask_for_menu(window, Pos2::new(row.right() + 20.0, row.center().y));
     click(window, "Make movable");
-}
-
-fn ask_for_menu(window: &mut Window, pos: Pos2) {
-    window.hover_at(pos);
-    window.run_steps(2);
-    for pressed in [true, false] {
-        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
-        window.event(eframe::egui::Event::PointerButton { pos, button, pressed, modifiers });
-        window.run_steps(1);
-    }
-    window.run_steps(3);
 }
 
 #[test]
