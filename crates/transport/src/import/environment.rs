@@ -357,15 +357,6 @@ mod tests {
         [head, rows.iter().flat_map(encode).collect()].concat()
     }
 
-    /// Of the whole sphere.
-    fn light(map: &Environment) -> [f64; 3] {
-        let of = |c: usize| {
-            let pixels = map.pixels().iter().enumerate();
-            pixels.map(|(idx, pixel)| f64::from(pixel[c]) * map.solid_angle(idx / map.width())).sum::<f64>()
-        };
-        std::array::from_fn(of)
-    }
-
     /// Reads a sky of 8 × 4 pixels whole and with 8 pixels at most, and holds the two against each other.
     fn whole_and_averaged(name: &str, bytes: &[u8]) -> [Environment; 2] {
         let (whole, warnings) = decode_sky(name, bytes).unwrap();
@@ -374,7 +365,7 @@ mod tests {
         assert_eq!([whole.width(), whole.height(), small.width(), small.height()], [8, 4, 4, 2]);
         assert!(warnings.len() == 1 && warnings[0].contains("8×4 pixels"), "{warnings:?}");
         assert!(warnings[0].contains("averaged to 4×2"), "{warnings:?}");
-        for (small, whole) in light(&small).into_iter().zip(light(&whole)) {
+        for (small, whole) in small.light().into_iter().zip(whole.light()) {
             assert!((small / whole - 1.0).abs() < 1e-5, "{name}: {small} of {whole}");
         }
         [whole, small]
