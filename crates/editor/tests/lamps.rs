@@ -19,8 +19,8 @@ use glam::Vec3;
 use serde_json::{Value, json};
 
 use desk::{
-    Dropped, Window, ask_for, baked, click, drag, on_screen, open, open_with, quick, reach, replace_and_reload, room,
-    wait, wait_until,
+    Dropped, Window, ask_for, ask_for_menu, baked, click, drag, on_screen, open, open_with, quick, reach,
+    replace_and_reload, room, wait, wait_until,
 };
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
@@ -692,17 +692,6 @@ fn make_movable(window: &mut Window, key: &str) {
     click(window, "Make movable");
 }
 
-fn ask_for_menu(window: &mut Window, pos: Pos2) {
-    window.hover_at(pos);
-    window.run_steps(2);
-    for pressed in [true, false] {
-        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
-        window.event(eframe::egui::Event::PointerButton { pos, button, pressed, modifiers });
-        window.run_steps(1);
-    }
-    window.run_steps(3);
-}
-
 #[test]
 fn a_lamp_of_the_file_has_a_menu_where_it_hangs() {
     let mut window = baked();
@@ -801,6 +790,12 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     let mut window = open(Source::File(path.clone()));
     wait(&mut window, |app| app.session().lamp_scene().is_some() && app.n_pictures() > 0);
     assert!(window.state().session().opened.as_ref().unwrap().scene.is_none());
+    wait(&mut window, App::is_settled);
+    let at = on_screen(&window, Vec3::new(0.3, 0.6, -0.2));
+    ask_for_menu(&mut window, at);
+    click(&mut window, "Make movable");
+    assert!(says(&window, "lamp cannot be made movable: in its file it shines otherwise than in this bake"));
+    assert!(lamps(&window).is_empty());
     click(&mut window, "Add lamp");
     click(&mut window, "Sphere");
     wait(&mut window, App::is_settled);

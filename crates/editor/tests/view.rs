@@ -13,12 +13,12 @@ use clerestory_transport::archive;
 use clerestory_transport::camera::{Camera, Film, Pose};
 use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::{LightRig, LightSetting};
-use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, ViewportEvent, vec2};
+use eframe::egui::{Key, Pos2, Role, ViewportEvent, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
-use desk::{Window, baked, click, drag, on_screen, open, reach, replace_and_reload, room, wait};
+use desk::{Window, ask_for_menu, baked, click, drag, on_screen, open, reach, replace_and_reload, room, wait};
 
 /// A click that is no drag.
 fn click_at(window: &mut Window, at: Pos2) {
@@ -189,14 +189,7 @@ fn a_region_is_zoomed_to_and_the_whole_picture_comes_back() {
 fn the_menu_of_the_picture_pins_a_probe_and_shows_each_pixel_or_all_of_them() {
     let mut window = baked();
     let from_menu = |window: &mut Window, pos: Pos2, item: &str| {
-        window.hover_at(pos);
-        window.run_steps(2);
-        for pressed in [true, false] {
-            let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
-            window.event(Event::PointerButton { pos, button, pressed, modifiers });
-            window.run_steps(1);
-        }
-        window.run_steps(3);
+        ask_for_menu(window, pos);
         click(window, item);
         window.run_steps(2);
     };

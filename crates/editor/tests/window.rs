@@ -16,15 +16,15 @@ use clerestory_transport::archive::{self, part_state};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui::{
-    Event, Key, KeyboardShortcut, Memory, Modifiers, PointerButton, Pos2, Role, ThemePreference, ViewportCommand,
-    ViewportEvent, pos2, vec2,
+    Event, Key, KeyboardShortcut, Memory, Modifiers, Role, ThemePreference, ViewportCommand, ViewportEvent, pos2, vec2,
 };
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
 use desk::{
-    Dropped, Kept, Window, ask_for, baked, click, drag, on_screen, open, open_with, quick, reach, room, save_as, wait,
+    Dropped, Kept, Window, ask_for, ask_for_menu, baked, click, drag, on_screen, open, open_with, quick, reach, room,
+    save_as, wait,
 };
 
 #[test]
@@ -479,24 +479,14 @@ fn spots_are_added_and_deleted_by_the_menu_of_the_picture() {
     let mut window = baked();
     let panel = |x: f32, z: f32| Vec3::new(x, 0.4, z);
     let (first, second) = (on_screen(&window, panel(-0.2, -0.7)), on_screen(&window, panel(0.2, -0.3)));
-    let ask = |window: &mut Window, pos: Pos2| {
-        window.hover_at(pos);
-        window.run_steps(2);
-        for pressed in [true, false] {
-            let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
-            window.event(Event::PointerButton { pos, button, pressed, modifiers });
-            window.run_steps(1);
-        }
-        window.run_steps(3);
-    };
     for at in [first, second] {
-        ask(&mut window, at);
+        ask_for_menu(&mut window, at);
         assert!(window.query_by_label("Delete this spot").is_none(), "there is none yet");
         click(&mut window, "Add a spot here");
     }
     let spots = |window: &Window| window.state().look().lights.panels["panel"].clone();
     assert_eq!(spots(&window).len(), 2);
-    ask(&mut window, first);
+    ask_for_menu(&mut window, first);
     click(&mut window, "Delete this spot");
     assert!(spots(&window).len() == 1 && spots(&window)[0].position[0] > 0.5, "{:?}", spots(&window));
 }

@@ -358,6 +358,12 @@ impl App {
         if !self.has_room(1) {
             return None;
         }
+        // A bake that was opened shows the lights that it was made with; its scene needs its surfaces alone.
+        let opened = self.session.shown.as_ref().filter(|_| !self.session.has_scene());
+        if opened.is_some_and(|shown| !shown.header.has_light_of(&scene, key)) {
+            self.complain(format!("{name} cannot be {done}: in its file it shines otherwise than in this bake"));
+            return None;
+        }
         let lights = scene.lighting.basis.sources.iter().zip(&scene.lighting.emitters);
         let found = lights.filter_map(|(source, emitter)| match emitter {
             Emitter::Punctual(light) if source.key == key => Some((source, light)),

@@ -477,7 +477,8 @@ impl App {
 
     /// Writes what the points of the sensor grids read, as it was measured last.
     pub(super) fn save_values(&mut self, path: &Path) {
-        let Some(points) = self.solving.measured.as_ref().map(|(_, figures)| figures.points.clone()) else {
+        let points = self.solving.measured.as_ref().map(|(_, figures)| figures.points.clone());
+        let Some(points) = points.filter(|points| !points.is_empty()) else {
             return self.complain("no sensors were read yet; wait for the bake, or lay a work plane and bake it");
         };
         let grids = points.iter().map(|(name, points)| (name.as_str(), &points[..]));

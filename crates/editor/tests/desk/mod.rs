@@ -9,7 +9,7 @@ use clerestory::bake_cache::BakeCache;
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use eframe::egui::{DroppedFile, Event, Key, Modifiers, Pos2, Rect, Role, Vec2, vec2};
+use eframe::egui::{DroppedFile, Event, Key, Modifiers, PointerButton, Pos2, Rect, Role, Vec2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use egui_kittest::{Harness, HarnessBuilder, Node};
 use glam::Vec3;
@@ -128,6 +128,19 @@ pub fn drag(window: &mut Window, from: Pos2, to: Pos2) {
 
 pub fn click(window: &mut Window, label: &str) {
     window.get_by_label(label).click();
+    window.run_steps(3);
+}
+
+/// Asks for the menu of what is at a place.
+#[allow(dead_code, reason = "not every test of the window asks for menus")]
+pub fn ask_for_menu(window: &mut Window, pos: Pos2) {
+    window.hover_at(pos);
+    window.run_steps(2);
+    for pressed in [true, false] {
+        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+        window.event(Event::PointerButton { pos, button, pressed, modifiers });
+        window.run_steps(1);
+    }
     window.run_steps(3);
 }
 

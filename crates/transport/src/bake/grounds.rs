@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::{BakeHeader, BakeJob};
+use crate::basis::LightBasis;
 use crate::camera::Camera;
 use crate::emitters::{Emitter, Lighting, ShiningTriangle};
 use crate::fingerprint::{digest, of_surfaces, of_texture};
@@ -74,6 +75,21 @@ impl BakeHeader {
             |camera: &&Camera| names.iter().any(|name| hash_of_view(&camera.called(name), size) == grounds.view);
         let mut cameras = self.view.iter().chain(Camera::named(&scene.cameras, &self.camera)).chain(&scene.cameras);
         cameras.find(is_it).filter(|_| grounds.surfaces == of_surfaces(scene))
+    }
+
+    /// Whether the light of that name shines in a scene as it does in the bake: from there, spread like that, as strong and of that color.
+    /// Of a bake that does not tell what it rests on only the last two are known.
+    pub fn has_light_of(&self, prepared: &PreparedScene, key: &str) -> bool {
+        let place = |basis: &LightBasis| basis.sources.iter().position(|source| source.key == key);
+        let basis = &prepared.lighting.basis;
+        let (Some(own), Some(baked)) = (place(basis), place(&self.basis)) else { return false };
+        let [source, of_bake] = [&basis.sources[own], &self.basis.sources[baked]];
+        if (source.kind, source.color, source.strength) != (of_bake.kind, of_bake.color, of_bake.strength) {
+            return false;
+        }
+        let Some(grounds) = &self.grounds else { return true };
+        let maps = maps_of_lights(&prepared.scene);
+        grounds.lights.get(baked).is_some_and(|baked| *baked == of_light(prepared, &maps, own))
     }
 }
 

@@ -13,6 +13,8 @@ use crate::sky::{Averaged, Cleaned, Environment, SkyError, size_within};
 const MAX_FILE_BYTES: u64 = 2 << 30;
 /// Most pixels that are averaged down to those of a map.
 const MAX_PIXELS: u64 = 1 << 29;
+/// Most pixels of a side: something is kept of each column and each row, so that a small file with a single row would ask for much.
+const MAX_SIDE: u32 = 1 << 16;
 
 /// Reads a map of the sky, and says in words what is odd about it. One of more than [`Environment::MAX_PIXELS`] is averaged down while it
 /// is read.
@@ -107,8 +109,9 @@ fn check_size(size: [u32; 2], n_bytes: usize) -> Result<(), String> {
     let [width, height] = size;
     match n_pixels(size) {
         0 => Err(format!("it is empty: {width} × {height} pixels")),
-        n if n > MAX_PIXELS => Err(format!(
-            "its {width} × {height} pixels are too many, at most {MAX_PIXELS} in all, such as 32768 × 16384; make it smaller first"
+        n if n > MAX_PIXELS || width.max(height) > MAX_SIDE => Err(format!(
+            "its {width} × {height} pixels are too many, at most {MAX_SIDE} to a side and {MAX_PIXELS} in all, such as 32768 × 16384; \
+             make it smaller first"
         )),
         _ => check_pixels(size, n_bytes as u64),
     }
@@ -354,15 +357,6 @@ mod tests {
         [head, rows.iter().flat_map(encode).collect()].concat()
     }
 
-    /// Of the whole sphere.
-    fn light(map: &Environment) -> [f64; 3] {
-        let of = |c: usize| {
-            let pixels = map.pixels().iter().enumerate();
-            pixels.map(|(idx, pixel)| f64::from(pixel[c]) * map.solid_angle(idx / map.width())).sum::<f64>()
-        };
-        std::array::from_fn(of)
-    }
-
     /// Reads a sky of 8 × 4 pixels whole and with 8 pixels at most, and holds the two against each other.
     fn whole_and_averaged(name: &str, bytes: &[u8]) -> [Environment; 2] {
         let (whole, warnings) = decode_sky(name, bytes).unwrap();
@@ -371,7 +365,7 @@ mod tests {
         assert_eq!([whole.width(), whole.height(), small.width(), small.height()], [8, 4, 4, 2]);
         assert!(warnings.len() == 1 && warnings[0].contains("8×4 pixels"), "{warnings:?}");
         assert!(warnings[0].contains("averaged to 4×2"), "{warnings:?}");
-        for (small, whole) in light(&small).into_iter().zip(light(&whole)) {
+        for (small, whole) in small.light().into_iter().zip(whole.light()) {
             assert!((small / whole - 1.0).abs() < 1e-5, "{name}: {small} of {whole}");
         }
         [whole, small]
@@ -428,6 +422,15 @@ mod tests {
         assert_eq!(threads_for(of([16384, 8192], [16384, 16]), most), Ok(Threads::One));
         let why = threads_for(of([16384, 8192], [16384, 8192]), most).expect_err("one piece");
         assert!(why.contains("pieces of 16384 × 8192"), "{why}");
+    }
+
+    #[test]
+    fn a_small_file_with_a_row_without_end_is_refused() {
+        for size in [[1 << 29, 1], [1, 1 << 29], [(1 << 16) + 1, 16]] {
+            let why = check_size(size, 1 << 20).expect_err("as many columns or rows would be kept in mind");
+            assert!(why.contains("at most 65536 to a side"), "{why}");
+        }
+        assert_eq!(check_size([1 << 16, 1 << 13], 1 << 20), Ok(()));
     }
 
     #[test]

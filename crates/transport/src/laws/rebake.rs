@@ -261,6 +261,15 @@ fn a_bake_knows_its_surfaces_and_its_view_whatever_lights_them() {
     ] {
         assert_eq!(header.camera_on_surfaces_of(&other), None);
     }
+    let is_as_baked =
+        |change: fn(&mut Scene)| header.has_light_of(&job_with(scene(change), Skips::default()).scene, "left");
+    assert!(is_as_baked(|_| {}) && is_as_baked(add_lamp) && is_as_baked(|s| s.punctual[1].intensity = 7.0));
+    assert!(!is_as_baked(|s| s.punctual[0].intensity = 7.0), "its strength");
+    assert!(!is_as_baked(|s| s.punctual[0].position.x += 0.1), "its place");
+    assert!(
+        !header.has_light_of(&job_with(scene(add_lamp), Skips::default()).scene, "new"),
+        "the bake has none of that name"
+    );
     let unknown = BakeHeader { grounds: None, ..header };
     assert_eq!(unknown.camera_on_surfaces_of(&lit_otherwise), None);
 }

@@ -169,15 +169,6 @@ mod tests {
         (0..width * height).map(|idx| [(idx * 37 % 101) as f32, (idx * 53 % 89) as f32, 1.0]).collect()
     }
 
-    /// Of the whole sphere.
-    fn light(map: &Environment) -> [f64; 3] {
-        let of = |c: usize| {
-            let pixels = map.pixels().iter().enumerate();
-            pixels.map(|(idx, pixel)| f64::from(pixel[c]) * map.solid_angle(idx / map.width())).sum::<f64>()
-        };
-        std::array::from_fn(of)
-    }
-
     #[test]
     fn a_map_that_is_averaged_sends_as_much_light() {
         for (from, to) in [
@@ -193,7 +184,7 @@ mod tests {
             let (small, cleaned) = averaged(from, to, &pixels);
             assert_eq!(([small.width(), small.height()], cleaned), (to, Cleaned::default()));
             let large = Environment::new(from[0], from[1], pixels).unwrap().0;
-            for (small, large) in light(&small).into_iter().zip(light(&large)) {
+            for (small, large) in small.light().into_iter().zip(large.light()) {
                 assert!((small / large - 1.0).abs() < 1e-5, "{from:?} to {to:?}: {small} of {large}");
             }
         }

@@ -250,6 +250,18 @@ pub fn uv_of(direction: Vec3) -> Vec2 {
 }
 
 #[cfg(test)]
+impl Environment {
+    /// Of the whole sphere, per channel.
+    pub(crate) fn light(&self) -> [f64; 3] {
+        let of = |c: usize| {
+            let pixels = self.pixels.iter().enumerate();
+            pixels.map(|(idx, pixel)| f64::from(pixel[c]) * self.solid_angle(idx / self.width)).sum::<f64>()
+        };
+        std::array::from_fn(of)
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
