@@ -146,6 +146,30 @@ fn caustics_that_moved_lamps_lack_are_named_by_the_surfaces_that_cast_them() {
 }
 
 #[test]
+fn light_of_lamps_that_a_pane_mirrors_is_named_with_its_share() {
+    let desk = lit_by("a.look", &two_lamps());
+    let level = Shape::quad(Vec3::new(-0.95, 0.05, -0.95), Vec3::Z * 1.9, Vec3::X * 1.9);
+    for (roughness, is_clear) in [(0.0, true), (0.4, false)] {
+        let pane = json!({
+            "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": roughness },
+            "extensions": { "KHR_materials_transmission": { "transmissionFactor": 1 } },
+        });
+        let file = two_lamps_and_a_panel().surface("pane", &level, pane);
+        std::fs::write(desk.path("room.glb"), file.glb()).unwrap();
+        let info = desk.json("info @room.glb");
+        assert_eq!(info["mirroring_materials"].as_array().unwrap().len(), usize::from(is_clear), "{info}");
+        assert_eq!(desk.run("info @room.glb").stdout.contains("mirror a part of their light"), is_clear);
+        desk.json("bake @room.glb -o @room.transport --size 16x12 --spp 1 --patches 16");
+        let relit = desk.json("relight @room.transport --look @a.look --scene @room.glb -o @relit.exr --device cpu");
+        let told = relit["warnings"].to_string();
+        for lamp in ["bulb", "tube"] {
+            let words = format!("% of the light of `{lamp}` onto other surfaces, which is missing");
+            assert_eq!(told.contains(&words), is_clear, "{roughness}: {told}");
+        }
+    }
+}
+
+#[test]
 fn lamps_need_the_scene_that_was_baked() {
     let desk = lit_by("a.look", &two_lamps());
     desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 4"));

@@ -1,4 +1,4 @@
-//! Errors as sentences.
+//! Errors and remarks as sentences.
 
 use anyhow::Error;
 
@@ -11,6 +11,14 @@ pub fn in_words(error: &Error) -> String {
         }
     }
     sentences.join(": ")
+}
+
+/// That a share of a lamp's light is missing which panes and coats mirror; `key` is the lamp's.
+pub fn mirrored_words(key: &str, share: f32) -> String {
+    format!(
+        "panes of glass and smooth coats mirror {:.0} % of the light of `{key}` onto other surfaces, which is missing",
+        100.0 * share
+    )
 }
 
 #[cfg(test)]

@@ -98,6 +98,40 @@ fn caustics_that_a_lamp_lacks_are_named_beside_the_picture() {
 }
 
 #[test]
+fn light_of_a_lamp_that_a_pane_mirrors_is_named_beside_the_picture() {
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    let mut push = |list: &str, item: Value| {
+        let list = gltf[list].as_array_mut().unwrap();
+        list.push(item);
+        list.len() - 1
+    };
+    push("extensionsUsed", json!("KHR_materials_transmission"));
+    let glass = json!({"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0},
+        "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}});
+    let material = push("materials", glass);
+    // Its quad is the ceiling's, as that of the panel; here it lies level below the eye.
+    let quad = json!({"bufferView": 1, "byteOffset": 36, "componentType": 5123, "count": 6, "type": "SCALAR"});
+    let indices = push("accessors", quad);
+    let primitive = json!({"attributes": {"POSITION": 0}, "indices": indices, "material": material});
+    let mesh = push("meshes", json!({"primitives": [primitive]}));
+    let pane = json!({"name": "pane", "mesh": mesh, "scale": [0.95, 1, 0.95], "translation": [0, -1.15, 0]});
+    let node = push("nodes", pane);
+    gltf["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(node));
+    let source = Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() };
+    let mut window = open_with(source, BakeConfig { patches: 64, ..quick() }, None);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    let n_named = |window: &Window| window.query_all_by_label_contains("Lamps: without mirrored light").count();
+    assert_eq!(n_named(&window), 0, "no lamp was added");
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    wait(&mut window, App::is_settled);
+    assert_eq!(n_named(&window), 1);
+    click(&mut window, "Undo");
+    wait(&mut window, App::is_settled);
+    assert_eq!(n_named(&window), 0);
+}
+
+#[test]
 fn a_lamp_that_stands_still_costs_nothing_in_the_end() {
     let mut window = with_lamp("Sphere");
     let shown = window.state().n_pictures();

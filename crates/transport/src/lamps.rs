@@ -5,6 +5,7 @@ mod exchange;
 mod frame;
 mod install;
 mod light;
+mod mirrored;
 mod prepared;
 mod rectangle;
 mod source;

@@ -347,6 +347,17 @@ impl Material {
         self.turns_light() && crate::bsdf::is_mirror(self.roughness)
     }
 
+    /// Whether the surface mirrors a part of the light of a lamp onto others as a pane of glass or a smooth coat does, by its factors. What
+    /// casts caustics is none of that.
+    pub fn mirrors_a_part(&self) -> bool {
+        let is_smooth = !self.is_stretched() && crate::bsdf::is_mirror(self.roughness);
+        let has_coat = self.specular > 0.0 && !crate::bsdf::is_matched(self.ior);
+        let has_smooth_lacquer =
+            |finish: &Finish| finish.clearcoat > 0.0 && crate::bsdf::is_mirror(finish.clearcoat_roughness);
+        let is_lacquered = self.finish.as_deref().is_some_and(has_smooth_lacquer);
+        !self.unlit && !self.casts_caustics() && (is_smooth && has_coat || is_lacquered)
+    }
+
     /// Whether metal or glass of the surface sends light another way than it came.
     pub(crate) fn turns_light(&self) -> bool {
         !self.unlit && (self.metallic > 0.5 || (self.transmission > 0.0 && !self.is_clear_pane()))

@@ -23,6 +23,7 @@ use crate::session::SceneOfBake;
 use crate::session::lamps::LampLight;
 use crate::viewport::gizmo::{AimWhileMoving, Surface, move_to, surface_behind_glass};
 use crate::viewport::placing::{beside, fitting_strength, placed, sized};
+use crate::words::mirrored_words;
 
 impl App {
     /// What can be done with lamps in what is open.
@@ -62,9 +63,16 @@ impl App {
                 LampNote::Problem(self.look.renamed(&problems[0]))
             }
             Some(_) if shown.patches().is_none() => LampNote::DirectOnly,
-            Some(_) if self.session.lamp_scene().is_some_and(|scene| scene.casts_caustics()) => LampNote::NoCaustics,
-            Some(_) => LampNote::None,
+            Some(light) => self.lacking(light),
         }
+    }
+
+    /// What of the light of free lamps is missing, if anything is.
+    fn lacking(&self, light: &LampLight) -> LampNote {
+        let caustics = self.session.lamp_scene().is_some_and(|scene| scene.casts_caustics());
+        let words = light.mirrored.iter().map(|(key, share)| mirrored_words(key, *share));
+        let mirrored: Vec<String> = words.map(|words| self.look.renamed(&words)).collect();
+        if caustics || !mirrored.is_empty() { LampNote::Lacking { caustics, mirrored } } else { LampNote::None }
     }
 
     /// Scene, camera and film of the picture.

@@ -102,12 +102,14 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
     let n_cameras = if report.made_camera { 0 } else { scene.cameras.len() };
     let cameras: Vec<String> = scene.cameras[..n_cameras].iter().map(|camera| camera.name.clone()).collect();
     let sensors: Vec<String> = scene.sensors.iter().map(|grid| grid.name.clone()).collect();
-    let caustic = scene.materials.iter().filter(|material| material.casts_caustics());
     let name = |material: &Material| match material.name.as_str() {
         "" => "a material without a name".to_owned(),
         name => name.to_owned(),
     };
-    let caustic: Vec<String> = caustic.map(name).collect();
+    let named = |is_such: fn(&Material) -> bool| -> Vec<String> {
+        scene.materials.iter().filter(|material| is_such(material)).map(name).collect()
+    };
+    let (caustic, mirroring) = (named(Material::casts_caustics), named(Material::mirrors_a_part));
     let furnace = furnace_loss(&scene);
     // Of the file: those without area are there, though no light meets them.
     let triangles = scene.mesh.triangles.len() + report.n_degenerate_triangles;
@@ -127,6 +129,7 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
         "sensors": sensors,
         "materials": report.n_materials,
         "caustic_materials": caustic,
+        "mirroring_materials": mirroring,
         "variants": report.variants,
         "furnace_loss": furnace.map(|loss| json!({
             "materials": loss.n_materials, "at_most": loss.at_most, "without_compensation": loss.single,
@@ -136,7 +139,7 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
         "warnings": console.warnings(),
     });
     let words = format!(
-        "{}: {} triangles, {} nodes, {} materials{}\ncameras  {}\nlights   {}{}{}{}{}{}\nnot supported  {}",
+        "{}: {} triangles, {} nodes, {} materials{}\ncameras  {}\nlights   {}{}{}{}{}{}{}\nnot supported  {}",
         path.display(),
         triangles,
         report.n_nodes,
@@ -146,6 +149,7 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
         listed(&sources.iter().map(|source| light_words(source, &basis)).collect::<Vec<_>>()),
         line_of("sensors", &sensors),
         line_of("cast caustics, which moved and added lamps lack", &caustic),
+        line_of("mirror a part of their light, which is missing as well", &mirroring),
         line_of("variants", &report.variants),
         furnace.map_or(String::new(), furnace_words),
         line_of("needless", &spared.map_or(Vec::new(), |spared| skipped_words(&spared, &keys))),

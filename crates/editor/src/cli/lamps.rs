@@ -1,5 +1,6 @@
 //! Free lamps of a look on the command line: as lights of a scene that is traced, or added to a picture that was baked.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -22,6 +23,7 @@ use super::view::{View, import_scene, load_scene};
 use crate::illuminance::AddedLux;
 use crate::look::Look;
 use crate::session::{as_baked, what_differs};
+use crate::words::mirrored_words;
 
 /// Samples of a pixel that are kept at once; others take their place until there were enough.
 const SAMPLES: u32 = 4;
@@ -131,6 +133,7 @@ impl LampLight {
     ) -> Result<Vec<LampLight>> {
         let lamps = look.lights.shining_lamps();
         let Some((scene, camera)) = stage(bake, &lamps, scene, console)? else { return Ok(Vec::new()) };
+        warn_of_mirrored(&lamps, path, &scene, console);
         let scene = Arc::new(scene);
         let alone = |lamp: &FreeLamp| prepared(std::slice::from_ref(lamp), path, &mut *console);
         let each: Vec<PreparedLamps> = lamps.iter().map(alone).collect::<Result<_>>()?;
@@ -193,6 +196,19 @@ pub(super) fn stage(
         );
     }
     Ok(Some((scene, camera)))
+}
+
+/// Names lamps of whose light panes and coats mirror a part that is missing, with the most that it is of those of one name. What is wrong
+/// with a lamp is told elsewhere.
+pub(super) fn warn_of_mirrored(lamps: &[FreeLamp], look: Option<&Path>, scene: &PreparedScene, console: &mut Console) {
+    let folder = look.and_then(Path::parent);
+    let able = |lamp: &FreeLamp| PreparedLamps::able(std::slice::from_ref(lamp), folder).0;
+    let mut most: BTreeMap<String, f32> = BTreeMap::new();
+    for (key, found) in lamps.iter().flat_map(|lamp| able(lamp).mirrored(scene)) {
+        let share = most.entry(key).or_default();
+        *share = found.max(*share);
+    }
+    console.warn_all(most.iter().map(|(key, share)| mirrored_words(key, *share)));
 }
 
 /// Direct light of each of some lamps.

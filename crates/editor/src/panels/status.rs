@@ -62,8 +62,13 @@ pub enum LampNote {
     Pending,
     /// The bake has no patches.
     DirectOnly,
-    /// The scene has mirrors or clear bodies.
-    NoCaustics,
+    /// It lacks some that surfaces throw on.
+    Lacking {
+        /// The scene has mirrors or clear bodies.
+        caustics: bool,
+        /// A sentence for each lamp of whose light panes and coats mirror more than a little.
+        mirrored: Vec<String>,
+    },
     /// A lamp does not shine: why.
     Problem(String),
 }
@@ -170,8 +175,10 @@ fn lamps_ui(ui: &mut Ui, note: &LampNote, actions: &mut Vec<Action>) {
             });
             menu.response.on_hover_text(hint);
         }
-        LampNote::NoCaustics => {
-            ui.label(RichText::new("Lamps: without caustics").weak()).on_hover_text(NO_CAUSTICS);
+        LampNote::Lacking { caustics, mirrored } => {
+            let words = if *caustics { "Lamps: without caustics" } else { "Lamps: without mirrored light" };
+            let lines = caustics.then_some(NO_CAUSTICS).into_iter().chain(mirrored.iter().map(String::as_str));
+            ui.label(RichText::new(words).weak()).on_hover_text(lines.collect::<Vec<_>>().join("\n"));
         }
         LampNote::Problem(why) => {
             ui.label(RichText::new("Lamps: one is dark").color(ui.visuals().error_fg_color)).on_hover_text(why);

@@ -72,6 +72,8 @@ pub struct LampLight {
     pub is_done: bool,
     /// A sentence for each lamp that cannot shine.
     pub problems: Vec<String>,
+    /// Names of lamps of whose light panes and coats mirror more than a little, which is missing, and that share; where there are patches.
+    pub mirrored: Vec<(String, f32)>,
 }
 
 /// The light of one lamp in a picture.
@@ -127,6 +129,7 @@ impl LampLight {
             serial,
             is_done: true,
             problems: vec![problem],
+            mirrored: Vec::new(),
         }
     }
 }

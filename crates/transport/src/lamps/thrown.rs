@@ -53,7 +53,7 @@ impl PreparedLamps {
 
 impl PreparedLamp {
     /// Its light as rays; none of light from far away.
-    fn beams(&self) -> Vec<Beam> {
+    pub(super) fn beams(&self) -> Vec<Beam> {
         let beam = |(position, direction, flux): (Vec3, Vec3, f32), least_m: f32| {
             let clear = LEAVING * (1.0 + position.abs().max_element());
             Beam { origin: position + direction * clear, direction, flux: self.emission * flux, least_m }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{Quat, Vec3, Vec4};
 
-use super::stage::{Stage, lambert, pane, quad, room, textured};
+use super::stage::{Stage, lambert, pane, quad, room, textured, tint};
 use super::walks::{Even, Mean, Walks, assert_same_mean, file_light};
 use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
@@ -239,6 +239,54 @@ fn lamps_of_a_look_send_through_windows_what_lamps_of_the_file_send() {
     // A small disk that faces the place shines there like a point.
     let [disk, point] = [LampShape::Disk { radius_m: 0.01 }, LampShape::Point].map(|shape| lux(shape, Vec3::ZERO));
     assert!((disk / point - 1.0).abs() < 2e-3, "{disk} lx, {point} lx");
+}
+
+/// Share of a lamp's light that panes and coats mirror onto other surfaces, 0 where it is not told.
+fn mirrored(lamp: FreeLamp, stage: Stage) -> f32 {
+    let told = PreparedLamps::new(&[lamp], None).unwrap().0.mirrored(&stage.prepared());
+    assert!(told.iter().all(|(key, _)| key == "lamp"), "{told:?}");
+    told.first().map_or(0.0, |(_, share)| *share)
+}
+
+#[test]
+fn what_panes_and_coats_mirror_of_a_lamps_light_is_told() {
+    let thin = quad(Vec3::new(-5.0, 1.0, -5.0), Vec3::Z * 10.0, Vec3::X * 10.0);
+    let ceiling = quad(Vec3::new(-20.0, 3.0, -20.0), Vec3::X * 40.0, Vec3::Z * 40.0);
+    let open = |corners: &[Vec3], material| floor(lambert(ALBEDO, 0.0)).surface("below", corners, material);
+    let closed =
+        |corners: &[Vec3], material| open(corners, material).surface("ceiling", &ceiling, lambert(ALBEDO, 0.0));
+    let above = |shape| FreeLamp { position: Vec3::Y * HEIGHT, ..lamp(shape) };
+    let spot = || above(LampShape::Spot { inner_rad: 0.1, outer_rad: 0.1 });
+    let coat = Material { metallic: 0.0, roughness: 0.0, ..Material::default() };
+    let lacquer = Finish { clearcoat: 1.0, ..Finish::default() };
+    let lacquered = Material { roughness: 0.6, finish: Some(Box::new(lacquer)), ..coat.clone() };
+    for material in [pane(), coat, lacquered] {
+        let share = mirrored(spot(), closed(&thin, material.clone()));
+        assert!((share - 0.04).abs() < 2e-3, "{share} of {material:?}");
+    }
+    let share = mirrored(spot(), closed(&level_slab(), glass()));
+    assert!((share - 0.077).abs() < 2e-3, "{share} by both faces of a slab");
+    // All around more of it grazes the pane.
+    let share = mirrored(above(LampShape::Disk { radius_m: 0.1 }), closed(&thin, pane()));
+    assert!((0.06..0.09).contains(&share), "{share} of the light of a disk");
+
+    assert_eq!(mirrored(spot(), open(&thin, pane())), 0.0, "it meets nothing");
+    let mirror = Material { roughness: 0.0, ..Material::default() };
+    for material in [tint(0.5), Material { roughness: 0.3, ..pane() }, mirror, lambert(ALBEDO, 0.0)] {
+        assert_eq!(mirrored(spot(), closed(&thin, material.clone())), 0.0, "{material:?}");
+    }
+}
+
+#[test]
+fn what_a_window_mirrors_of_parallel_light_onto_the_ground_is_told() {
+    let ground = quad(Vec3::new(-10.0, 0.0, -10.0), Vec3::Z * 20.0, Vec3::X * 20.0);
+    let window = quad(Vec3::new(0.0, 0.0, -10.0), Vec3::Y * 10.0, Vec3::Z * 20.0);
+    let stage = floor(lambert(ALBEDO, 0.0)).surface("ground", &ground, lambert(ALBEDO, 0.0));
+    let sun = lamp(LampShape::Directional { radius_rad: 0.0 });
+    let sun = FreeLamp { aim: sun.position + Vec3::new(1.0, -1.0, 0.0), ..sun };
+    // Half of the light that the scene gets meets the window, which mirrors 4.2 % at 45°.
+    let share = mirrored(sun, stage.surface("window", &window, pane()));
+    assert!((0.017..0.025).contains(&share), "{share}");
 }
 
 #[test]

@@ -18,9 +18,9 @@ use crate::scene::{Material, PunctualKind, PunctualLight, Scene};
 /// Directions that are looked into from a lamp.
 const DIRECTIONS: u32 = 512;
 /// Share of a lamp's light that may be missing without a word.
-const TOLERATED: f32 = 0.01;
+pub(crate) const TOLERATED: f32 = 0.01;
 /// Length over the extent of the scene within which light that leaves a slab meets nothing else.
-const CLEAR: f32 = 1e-5;
+pub(crate) const CLEAR: f32 = 1e-5;
 
 /// Whether a scene has glass, mirrors or coats that may hide light.
 fn may_hide(scene: &Scene) -> bool {
@@ -133,21 +133,8 @@ impl Sender<'_> {
 
     /// Some of its rays, and how much each carries.
     fn rays(&self, scene: &PreparedScene) -> Vec<(Ray, f32)> {
-        let ray = |origin, direction| Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
         match *self {
-            Sender::Far(direction) => {
-                // A sunflower across all surfaces. [Vogel1979]
-                let Some((low, high)) = scene.scene.mesh.bounds() else { return Vec::new() };
-                let (middle, radius) = (0.5 * (low + high), 0.5 * low.distance(high));
-                let (x, y) = direction.any_orthonormal_pair();
-                let of_place = |nth: u32| {
-                    let (sin, cos) = (nth as f32 * GOLDEN_ANGLE).sin_cos();
-                    let along = (nth as f32 + 0.5) / DIRECTIONS as f32;
-                    let place = middle + (x * cos + y * sin) * (radius * along.sqrt());
-                    (ray(place - direction * (2.0 * radius), direction), 1.0)
-                };
-                (0..DIRECTIONS).map(of_place).collect()
-            }
+            Sender::Far(direction) => parallel_rays(scene, direction).into_iter().map(|ray| (ray, 1.0)).collect(),
             Sender::Near(light) => {
                 let of_direction = |direction| {
                     let intensity = punctual_falloff(light, &scene.scene.profiles, direction);
@@ -157,6 +144,24 @@ impl Sender<'_> {
             }
         }
     }
+}
+
+fn ray(origin: Vec3, direction: Vec3) -> Ray {
+    Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
+}
+
+/// Rays of light from far away along a unit direction: a sunflower across all surfaces. \[Vogel1979\]
+pub(crate) fn parallel_rays(scene: &PreparedScene, direction: Vec3) -> Vec<Ray> {
+    let Some((low, high)) = scene.scene.mesh.bounds() else { return Vec::new() };
+    let (middle, radius) = (0.5 * (low + high), 0.5 * low.distance(high));
+    let (x, y) = direction.any_orthonormal_pair();
+    let of_place = |nth: u32| {
+        let (sin, cos) = (nth as f32 * GOLDEN_ANGLE).sin_cos();
+        let along = (nth as f32 + 0.5) / DIRECTIONS as f32;
+        let place = middle + (x * cos + y * sin) * (radius * along.sqrt());
+        ray(place - direction * (2.0 * radius), direction)
+    };
+    (0..DIRECTIONS).map(of_place).collect()
 }
 
 /// Shares of a light that no connection finds.

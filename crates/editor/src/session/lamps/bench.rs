@@ -68,6 +68,8 @@ struct Lit {
     most_arriving: u32,
     /// What it brings to the columns of patches.
     of_patches: Option<Arc<Vec<[f32; 3]>>>,
+    /// Share of its light that panes and coats mirror, where that is more than a little; found with what it brings to patches.
+    mirrored: Option<f32>,
 }
 
 impl Lit {
@@ -183,6 +185,7 @@ impl Bench {
                         n_arriving,
                         most_arriving,
                         of_patches: None,
+                        mirrored: None,
                     };
                     self.lamps.push(lit);
                 }
@@ -228,12 +231,15 @@ impl Bench {
         let lamp = self.lamps[idx].prepared.clone();
         let lacking = view.patches.as_ref().filter(|_| self.lamps[idx].of_patches.is_none());
         // The processor need not wait for a device.
-        let (pass, of_patches) = rayon::join(
+        let (pass, further) = rayon::join(
             || self.direct(&lamp, (sample, round), view, stop),
-            || lacking.map(|patches| Arc::new(lamp.light_on_patches(&view.scene, patches))),
+            || lacking.map(|patches| (lamp.light_on_patches(&view.scene, patches), lamp.mirrored(&view.scene))),
         );
         let lit = &mut self.lamps[idx];
-        lit.of_patches = lit.of_patches.take().or(of_patches);
+        if let Some((of_patches, mirrored)) = further {
+            lit.of_patches = Some(Arc::new(of_patches));
+            lit.mirrored = mirrored.first().map(|(_, share)| *share);
+        }
         add_pass(&mut lit.sum, pass?);
         lit.n_passes += 1;
         Some(())
@@ -337,6 +343,7 @@ impl Bench {
             serial: self.serial,
             is_done,
             problems: self.problems.clone(),
+            mirrored: self.lamps.iter().filter_map(|lit| Some((lit.lamp.key.clone(), lit.mirrored?))).collect(),
         })
     }
 

@@ -1,0 +1,105 @@
+//! How much of a lamp's light panes and smooth coats mirror onto other surfaces: no connection finds that, whether it is looked for
+//! at surfaces that are seen or on patches.
+
+use super::PreparedLamps;
+use super::light::Form;
+use super::prepared::PreparedLamp;
+use crate::bsdf::{Bsdf, is_mirror};
+use crate::bvh::Ray;
+use crate::prepared::{PreparedScene, SurfaceHit, next_after};
+use crate::sampler::Sampler;
+use crate::scene::Material;
+use crate::slabs::hidden::{CLEAR, TOLERATED, parallel_rays};
+
+/// Surfaces that a ray meets at most.
+const MOST_SURFACES: u32 = 16;
+
+impl PreparedLamps {
+    /// About which share of a lamp's light panes of glass and smooth coats mirror onto other surfaces, by the lamp's key, where that is
+    /// more than a little. Solid panes count, other surfaces that cast caustics do not: see [`PreparedScene::casts_caustics`].
+    pub fn mirrored(&self, scene: &PreparedScene) -> Vec<(String, f32)> {
+        if !scene.scene.materials.iter().any(may_mirror) {
+            return Vec::new();
+        }
+        let shares = self.lamps().iter().map(|lamp| (lamp.key.clone(), lamp.mirrored(scene)));
+        shares.filter(|(_, share)| *share > TOLERATED).collect()
+    }
+}
+
+/// Whether a material may mirror, whatever its textures say.
+fn may_mirror(material: &Material) -> bool {
+    let has_coat = material.finish.as_ref().is_some_and(|finish| finish.clearcoat > 0.0);
+    let may_be_smooth = is_mirror(material.roughness) || material.metallic_roughness_texture.is_some();
+    !material.unlit && !material.is_plainly_diffuse() && (has_coat || may_be_smooth)
+}
+
+impl PreparedLamp {
+    /// Share of its light that panes and coats mirror onto other surfaces.
+    fn mirrored(&self, scene: &PreparedScene) -> f32 {
+        let (mut mirrored, mut all) = (0.0, 0.0);
+        for (nth, (ray, weight)) in (0..).zip(self.rays(scene)) {
+            let share = mirrored_along(scene, ray, &mut Sampler::new(0, nth, 0));
+            // Of light from far away only what meets the scene counts.
+            all += if share.is_none() && self.lamp.is_beyond() { 0.0 } else { weight };
+            mirrored += weight * share.unwrap_or(0.0);
+        }
+        if all > 0.0 { mirrored / all } else { 0.0 }
+    }
+
+    /// Some of its rays, and how much each carries.
+    fn rays(&self, scene: &PreparedScene) -> Vec<(Ray, f32)> {
+        if let Form::Distant { direction, .. } = self.lamp.form {
+            return parallel_rays(scene, direction).into_iter().map(|ray| (ray, 1.0)).collect();
+        }
+        let ray = |origin, direction| Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+        let beams = self.beams().into_iter();
+        beams.map(|beam| (ray(beam.origin, beam.direction), beam.flux.max_element())).collect()
+    }
+}
+
+/// Share of a ray's light that panes and coats on its way mirror onto other surfaces; `None` where it meets nothing.
+fn mirrored_along(scene: &PreparedScene, mut ray: Ray, sampler: &mut Sampler) -> Option<f32> {
+    let (mut passing, mut mirrored) = (1.0f32, 0.0f32);
+    for nth in 0..MOST_SURFACES {
+        let Some(hit) = scene.closest(&ray, sampler) else { return (nth > 0).then_some(mirrored) };
+        let out = scene.slabs.behind(hit.triangle, hit.position, ray.direction);
+        if out.is_none() && scene.material(hit.triangle).casts_caustics() {
+            break;
+        }
+        let looks = scene.appearance(&hit);
+        let bsdf = scene.bsdf_of(&hit, &looks, -ray.direction);
+        let [reflected, landed] = mirror_shares(scene, (&hit, &bsdf), sampler);
+        mirrored += passing * landed;
+        match out {
+            Some(out) => {
+                let glass = looks.params.transmission * looks.params.base_color.max_element();
+                let both_faces = ((1.0 - reflected) * glass).powi(2);
+                // The back mirrors as much, which passes the front twice.
+                mirrored += passing * landed * both_faces;
+                passing *= both_faces;
+                (ray.origin, ray.t_min) = (out, CLEAR * scene.extent());
+            }
+            None => {
+                passing *= bsdf.straight_through().max_element();
+                ray.t_min = next_after(hit.t);
+            }
+        }
+        if passing <= 0.0 {
+            break;
+        }
+    }
+    Some(mirrored)
+}
+
+/// Share of light that a surface mirrors, and the part of it that meets another one.
+fn mirror_shares(scene: &PreparedScene, (hit, bsdf): (&SurfaceHit, &Bsdf), sampler: &mut Sampler) -> [f32; 2] {
+    let (mut all, mut landed) = (0.0, 0.0);
+    for lobe in bsdf.deltas().filter(|lobe| !lobe.transmitted) {
+        let share = lobe.share.max_element();
+        let origin = hit.origin(hit.outward(lobe.wi));
+        let ray = Ray { origin, direction: lobe.wi, t_min: 0.0, t_max: f32::INFINITY };
+        all += share;
+        landed += if scene.closest_behind_panes(&ray, sampler).is_some() { share } else { 0.0 };
+    }
+    [all, landed]
+}
