@@ -398,6 +398,7 @@ impl App {
             Action::LookFrom(camera) => self.look_from(*camera),
             Action::NameView(name) => self.name_view(name),
             Action::ShowView(id) => self.show_view(id),
+            Action::StepView(by) => self.step_view(by),
             Action::ForgetView(id) => self.session.forget_view(id),
             Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
             Action::TogglePanels => self.is_bare = !self.is_bare,

@@ -259,6 +259,13 @@ fn a_view_is_looked_for_baked_and_kept_beside_the_first() {
     assert_eq!(window.state().session().bake, BakeState::Done);
     wait(&mut window, |app| app.n_pictures() > n_before && app.is_settled());
     assert_eq!(window.state().camera(), Some(&first));
+    for (key, camera) in
+        [(Key::PageDown, &turned), (Key::PageDown, &first), (Key::PageUp, &turned), (Key::PageUp, &first)]
+    {
+        window.key_press(key);
+        window.run_steps(3);
+        assert_eq!(shown_camera(&window), *camera, "{key:?}");
+    }
     click(&mut window, "Forget view View 1");
     assert_eq!(window.state().session().views().len(), 1);
 }

@@ -162,6 +162,16 @@ impl App {
         self.adopt_view();
     }
 
+    /// Shows the view so many places after the one that is shown.
+    pub(super) fn step_view(&mut self, by: isize) {
+        let views = self.session.views();
+        let Some(shown) = views.iter().position(|view| view.is_shown).filter(|_| views.len() > 1) else {
+            return self.say("No other view is baked");
+        };
+        let to = (shown as isize + by).rem_euclid(views.len() as isize) as usize;
+        self.show_view(views[to].id);
+    }
+
     /// The camera takes the name of its bookmark.
     pub(super) fn name_view(&mut self, name: String) {
         if let Some(camera) = &mut self.camera.camera {

@@ -168,7 +168,13 @@ pub(super) fn light_response(ui: &Ui, mix: &mut Mix, light: &Listed, name: Respo
     if name.hovered() {
         mix.state.pointed = Some(light.key.clone());
     }
+    if mix.state.focus_next.take_if(|next| *next == light.key).is_some() {
+        name.request_focus();
+    }
     if name.has_focus() {
+        mix.state.focused = Some(light.key.clone());
+        let steps = egui::EventFilter { vertical_arrows: true, ..egui::EventFilter::default() };
+        ui.memory_mut(|memory| memory.set_focus_lock_filter(name.id, steps));
         ui.painter().rect_stroke(name.rect, 2.0, ui.visuals().selection.stroke, egui::StrokeKind::Outside);
     }
     if name.double_clicked() {
