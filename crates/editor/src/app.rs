@@ -465,7 +465,7 @@ impl eframe::App for App {
     }
 
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
-        note_open(ui.ctx());
+        note_open(ui.ctx(), self.shortcuts);
         let before = self.look.clone();
         let solo_before: BTreeSet<String> = self.lights.solo.clone();
         let (lamp_before, key_before) = (self.lights.lamps.chosen.clone(), self.looks.player.chosen());

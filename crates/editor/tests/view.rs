@@ -398,6 +398,24 @@ fn esc_that_closes_a_list_leaves_the_camera_in_hand() {
 }
 
 #[test]
+fn esc_that_closes_the_list_of_keys_leaves_the_camera_in_hand() {
+    let mut window = baked();
+    turn_camera(&mut window);
+    let turned = window.state().camera().unwrap().clone();
+    window.key_press(Key::F1);
+    window.run_steps(3);
+    window.get_by_label("Keyboard and mouse");
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    assert!(window.query_by_label("Keyboard and mouse").is_none());
+    window.get_by_label("View of the camera");
+    assert_eq!(window.state().camera(), Some(&turned));
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    window.get_by_label("Picture");
+}
+
+#[test]
 fn what_the_camera_did_is_undone_step_by_step_and_a_view_that_was_left_comes_back() {
     let mut window = baked();
     let first = shown_camera(&window);
