@@ -446,6 +446,24 @@ fn what_the_camera_did_is_undone_step_by_step_and_a_view_that_was_left_comes_bac
 }
 
 #[test]
+fn numbers_of_the_camera_are_a_step_each_however_soon_they_follow() {
+    let mut window = baked();
+    let first = shown_camera(&window).position();
+    click(&mut window, "Numbers");
+    for (label, meters) in [("Camera X", 0.1), ("Camera X", 0.2), ("Camera Y", 0.3)] {
+        window.get_by_label(label).set_value_accesskit(meters);
+        // Half a second, in which no state rests.
+        window.run_steps(2);
+    }
+    let way = |window: &Window| window.state().camera().unwrap().position() - first;
+    assert!(way(&window).distance(Vec3::new(0.2, 0.3, 0.0)) < 1e-5, "{}", way(&window));
+    click(&mut window, "Undo");
+    assert!(way(&window).distance(Vec3::new(0.2, 0.0, 0.0)) < 1e-5, "{}", way(&window));
+    click(&mut window, "Undo");
+    assert_eq!(way(&window), Vec3::ZERO, "the same number twice is one step");
+}
+
+#[test]
 fn a_view_of_another_shape_brings_its_film_and_undo_that_of_the_one_before() {
     let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
     let perspective = serde_json::json!({ "yfov": 1.0, "aspectRatio": 2.0, "znear": 0.01 });
