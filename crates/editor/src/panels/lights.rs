@@ -337,8 +337,9 @@ fn order(items: &[Item], lights: &[Listed], collapsed: &BTreeSet<String>) -> Vec
 /// Arrows up and down take the selection along, with Shift they extend it: while a name has the keyboard, or nothing has it.
 fn arrow_keys(ui: &Ui, mix: &mut Mix) {
     let focused = mix.state.focused.clone();
-    let is_free = || ui.memory(|memory| memory.focused().is_none()) && !Popup::is_any_open(ui.ctx());
-    if !hears_keys(ui) || focused.is_none() && (mix.state.selection.is_empty() || !is_free()) {
+    let nothing_has_it = || ui.memory(|memory| memory.focused().is_none());
+    let is_meant = focused.is_some() || !mix.state.selection.is_empty() && nothing_has_it();
+    if !is_meant || !hears_keys(ui) || Popup::is_any_open(ui.ctx()) {
         return;
     }
     let step = |event: &Event| match event {
