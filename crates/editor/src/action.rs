@@ -156,6 +156,8 @@ pub enum Action {
     NameView(String),
     /// Show another view that is baked.
     ShowView(u64),
+    /// Show the baked view so many places after the one that is shown; the first comes after the last.
+    StepView(isize),
     /// Free the memory of a view that is baked.
     ForgetView(u64),
     /// Show a pixel of the picture on each pixel of the screen.

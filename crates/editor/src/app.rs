@@ -398,6 +398,7 @@ impl App {
             Action::LookFrom(camera) => self.look_from(*camera),
             Action::NameView(name) => self.name_view(name),
             Action::ShowView(id) => self.show_view(id),
+            Action::StepView(by) => self.step_view(by),
             Action::ForgetView(id) => self.session.forget_view(id),
             Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
             Action::TogglePanels => self.is_bare = !self.is_bare,
@@ -464,7 +465,7 @@ impl eframe::App for App {
     }
 
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
-        note_open(ui.ctx());
+        note_open(ui.ctx(), self.shortcuts);
         let before = self.look.clone();
         let solo_before: BTreeSet<String> = self.lights.solo.clone();
         let (lamp_before, key_before) = (self.lights.lamps.chosen.clone(), self.looks.player.chosen());

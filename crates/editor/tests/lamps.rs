@@ -275,6 +275,7 @@ fn a_lamp_of_the_file_is_copied_by_key_and_menu_and_stays_as_it_is() {
         assert_eq!((copy.strength, copy.unit, copy.replaces.as_deref()), (3.0, LampUnit::Candela, None));
         assert!(copy.position.distance(Vec3::new(0.3, 0.6, -0.2)) > 0.01, "{}", copy.position);
     }
+    assert!(copies[0].position.distance(copies[1].position) > 0.01, "both are seen");
     for n_left in [1, 0] {
         click(&mut window, "Undo");
         assert_eq!(lamps(&window).len(), n_left);

@@ -175,6 +175,33 @@ fn shift_selects_all_up_to_there_and_a_light_has_another_name() {
 }
 
 #[test]
+fn arrow_keys_take_the_selection_up_and_down_and_shift_extends_it() {
+    let mut window = lit();
+    // After a click nothing has the keyboard.
+    select(&mut window, &["left"]);
+    window.key_press(Key::ArrowDown);
+    window.run_steps(3);
+    assert_eq!(window.state().chosen_light(), Some("middle"));
+    window.key_press_modifiers(Modifiers::SHIFT, Key::ArrowDown);
+    window.run_steps(3);
+    window.get_by_label("2 lights selected");
+    window.key_press(Key::ArrowUp);
+    window.run_steps(3);
+    assert_eq!(window.state().chosen_light(), Some("middle"));
+
+    // From a name that has the keyboard, which goes along.
+    let has_keyboard =
+        |window: &Window, label: &str| window.query_all_by_label(label).any(|node| node.accesskit_node().is_focused());
+    window.query_all_by_label("right").next().unwrap().focus();
+    window.run_steps(2);
+    window.key_press(Key::ArrowUp);
+    window.run_steps(4);
+    assert_eq!(window.state().chosen_light(), Some("middle"));
+    assert!(has_keyboard(&window, "middle") && !has_keyboard(&window, "right"));
+    assert_eq!(*window.state().look(), Look::default(), "no light was changed");
+}
+
+#[test]
 fn several_solos_show_a_banner_that_clears_them() {
     let mut window = lit();
     let ev = window.state().shown_ev();

@@ -13,6 +13,7 @@ use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory::solve::Solution;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
+use clerestory_transport::light::{LightRig, luminance};
 use eframe::egui::{Key, Modifiers, PointerButton, Pos2, Rect, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -76,6 +77,29 @@ fn a_marked_rectangle_is_measured_in_lux_and_follows_the_lights() {
     });
     click(&mut window, "Clear");
     wait(&mut window, |app| app.marked_lux().is_none());
+}
+
+#[test]
+fn the_lights_of_a_place_tell_their_lux_and_together_they_are_those_there() {
+    let mut window = measured();
+    let (rig, pixel) = (LightRig::default(), [64 * 38 + 32]);
+    let shown = window.state().session().shown.as_ref().unwrap();
+    let mut shares = shown.shares(&rig, None, &pixel).unwrap();
+    shown.add_lux(&mut shares, &rig, None, &pixel);
+    let all = luminance(shown.irradiance_at(&rig, None, &pixel).unwrap());
+    let sum: f32 = shares.iter().map(|share| share.lux.unwrap()).sum();
+    assert!(all > 0.0 && (sum / all - 1.0).abs() < 1e-3, "{sum} lx of {all}");
+
+    let at = place(&window, 32.5 / 64.0, 38.5 / 48.0);
+    window.hover_at(at);
+    window.run_steps(2);
+    window.drag_at(at);
+    window.run_steps(2);
+    window.drop_at(at);
+    window.run_steps(4);
+    let rows = window.query_all_by_label_contains("lamp ").filter_map(|row| row.accesskit_node().label());
+    let rows: Vec<String> = rows.filter(|words| words.contains(" % ")).collect();
+    assert!(rows.len() == 1 && rows[0].ends_with(" lx"), "{rows:?}");
 }
 
 #[test]

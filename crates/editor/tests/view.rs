@@ -252,6 +252,13 @@ fn a_view_is_looked_for_baked_and_kept_beside_the_first() {
     assert_eq!(window.state().session().bake, BakeState::Done);
     wait(&mut window, |app| app.n_pictures() > n_before && app.is_settled());
     assert_eq!(window.state().camera(), Some(&first));
+    for (key, camera) in
+        [(Key::PageDown, &turned), (Key::PageDown, &first), (Key::PageUp, &turned), (Key::PageUp, &first)]
+    {
+        window.key_press(key);
+        window.run_steps(3);
+        assert_eq!(shown_camera(&window), *camera, "{key:?}");
+    }
     click(&mut window, "Forget view View 1");
     assert_eq!(window.state().session().views().len(), 1);
 }
@@ -384,6 +391,24 @@ fn esc_that_closes_a_list_leaves_the_camera_in_hand() {
 }
 
 #[test]
+fn esc_that_closes_the_list_of_keys_leaves_the_camera_in_hand() {
+    let mut window = baked();
+    turn_camera(&mut window);
+    let turned = window.state().camera().unwrap().clone();
+    window.key_press(Key::F1);
+    window.run_steps(3);
+    window.get_by_label("Keyboard and mouse");
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    assert!(window.query_by_label("Keyboard and mouse").is_none());
+    window.get_by_label("View of the camera");
+    assert_eq!(window.state().camera(), Some(&turned));
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    window.get_by_label("Picture");
+}
+
+#[test]
 fn what_the_camera_did_is_undone_step_by_step_and_a_view_that_was_left_comes_back() {
     let mut window = baked();
     let first = shown_camera(&window);
@@ -411,6 +436,24 @@ fn what_the_camera_did_is_undone_step_by_step_and_a_view_that_was_left_comes_bac
     }
     window.get_by_label("Picture");
     assert_eq!(window.state().camera(), Some(&first));
+}
+
+#[test]
+fn numbers_of_the_camera_are_a_step_each_however_soon_they_follow() {
+    let mut window = baked();
+    let first = shown_camera(&window).position();
+    click(&mut window, "Numbers");
+    for (label, meters) in [("Camera X", 0.1), ("Camera X", 0.2), ("Camera Y", 0.3)] {
+        window.get_by_label(label).set_value_accesskit(meters);
+        // Half a second, in which no state rests.
+        window.run_steps(2);
+    }
+    let way = |window: &Window| window.state().camera().unwrap().position() - first;
+    assert!(way(&window).distance(Vec3::new(0.2, 0.3, 0.0)) < 1e-5, "{}", way(&window));
+    click(&mut window, "Undo");
+    assert!(way(&window).distance(Vec3::new(0.2, 0.0, 0.0)) < 1e-5, "{}", way(&window));
+    click(&mut window, "Undo");
+    assert_eq!(way(&window), Vec3::ZERO, "the same number twice is one step");
 }
 
 #[test]

@@ -801,6 +801,31 @@ fn the_legend_of_photographs_names_no_unit() {
 }
 
 #[test]
+fn wishes_for_photographs_name_no_unit() {
+    let folder = stage();
+    let mut window = open(Source::File(folder.path().into()));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    window.set_size(vec2(1440.0, 1800.0));
+    window.run_steps(3);
+    reach(&mut window, "Solve for light");
+    window.get_all_by_label("Rectangle").next().unwrap().click();
+    window.run_steps(3);
+    let middle = window.get_by_label("Picture").rect().center();
+    drag(&mut window, middle, middle + vec2(60.0, 40.0));
+    reach(&mut window, "Kind of wish");
+    click(&mut window, "Times as bright");
+    reach(&mut window, "Add wish");
+    reach(&mut window, "Kind of wish");
+    click(&mut window, "Luminance");
+    let wanted = window.get_by_label("Wanted").accesskit_node().value().unwrap();
+    assert!(wanted.ends_with("relative"), "{wanted}");
+    reach(&mut window, "Solve");
+    wait(&mut window, |app| app.solution().is_some());
+    let words = window.state().solution().unwrap().outcomes[0].words();
+    assert!(words.contains(" relative wanted") && !words.contains("cd/m²"), "{words}");
+}
+
+#[test]
 fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() {
     let folder = stage();
     let home = tempfile::tempdir().unwrap();

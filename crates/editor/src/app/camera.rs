@@ -1,7 +1,9 @@
 //! The camera in hand: the present view, its preview, bookmarks in the look, and what is remembered of how it is moved.
 
+use std::collections::BTreeSet;
+
 use anyhow::Result;
-use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::camera::{Camera, Film, Pose};
 use eframe::egui::{self, Context, TextureHandle, TextureOptions, Ui};
 use eframe::{CreationContext, Storage};
 
@@ -24,6 +26,8 @@ pub(super) struct CameraDesk {
     pub camera: Option<Camera>,
     /// Whether it is in hand.
     pub is_moving: bool,
+    /// Which of its numbers were edited last; none where it was moved otherwise.
+    pub edited: BTreeSet<&'static str>,
     pivot_m: f32,
     /// How it is moved.
     pub habits: Habits,
@@ -38,6 +42,7 @@ impl CameraDesk {
         Ok(CameraDesk {
             camera: None,
             is_moving: false,
+            edited: BTreeSet::new(),
             pivot_m: FAR_M,
             habits: cc.storage.and_then(|s| eframe::get_value(s, HABITS_KEY)).unwrap_or_default(),
             previewer: preview::start(wake)?,
@@ -74,6 +79,7 @@ impl CameraDesk {
     /// Puts the camera down where a view is baked.
     pub fn put_down(&mut self) {
         (self.is_moving, self.ordered, self.texture) = (false, None, None);
+        self.edited.clear();
     }
 }
 
@@ -139,6 +145,7 @@ impl App {
             self.settings.film = Film::of_width(film.width, &camera);
         }
         self.camera.camera = Some(camera);
+        self.camera.edited.clear();
     }
 
     /// Takes a camera in hand that looks from elsewhere than the one before.
@@ -160,6 +167,16 @@ impl App {
         self.session.show_view(id);
         self.camera.put_down();
         self.adopt_view();
+    }
+
+    /// Shows the view so many places after the one that is shown.
+    pub(super) fn step_view(&mut self, by: isize) {
+        let views = self.session.views();
+        let Some(shown) = views.iter().position(|view| view.is_shown).filter(|_| views.len() > 1) else {
+            return self.say("No other view is baked");
+        };
+        let to = (shown as isize + by).rem_euclid(views.len() as isize) as usize;
+        self.show_view(views[to].id);
     }
 
     /// The camera takes the name of its bookmark.
@@ -192,6 +209,8 @@ impl App {
         let edit = CameraEdit { camera: desk.camera.as_mut(), bookmarks, habits: &mut desk.habits };
         camera_ui(ui, &view, edit, &mut self.actions);
         if desk.camera != before {
+            let numbers = before.as_ref().zip(desk.camera.as_ref()).map(|(before, camera)| edited(before, camera));
+            desk.edited = numbers.unwrap_or_default();
             self.rename_view(before);
             self.move_camera();
         }
@@ -236,8 +255,34 @@ impl App {
         self.camera.pivot_m = flight.pivot_m;
         if flight.camera != before {
             self.camera.camera = Some(flight.camera);
+            self.camera.edited.clear();
             self.rename_view(Some(before));
             ui.ctx().request_repaint();
         }
     }
+}
+
+/// Which numbers of a view are not those of another one. Who edits a place leaves the turn as it is, up to rounding; of the angles the one
+/// that turns most is meant.
+fn edited(before: &Camera, camera: &Camera) -> BTreeSet<&'static str> {
+    let [old, new] = [before, camera].map(Pose::of);
+    let way = new.position - old.position;
+    let places = [("X", way.x), ("Y", way.y), ("Z", way.z)].into_iter().filter(|(_, meters)| *meters != 0.0);
+    let mut edited: BTreeSet<&'static str> = places.map(|(axis, _)| axis).collect();
+    if edited.is_empty() && before.world_from_camera != camera.world_from_camera {
+        let turns = [
+            ("yaw", new.yaw_rad - old.yaw_rad),
+            ("pitch", new.pitch_rad - old.pitch_rad),
+            ("roll", new.roll_rad - old.roll_rad),
+        ];
+        let most = turns.into_iter().max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()));
+        edited.extend(most.map(|(angle, _)| angle));
+    }
+    let others = [
+        ("field of view", before.yfov_rad != camera.yfov_rad),
+        ("shift X", before.shift[0] != camera.shift[0]),
+        ("shift Y", before.shift[1] != camera.shift[1]),
+    ];
+    edited.extend(others.into_iter().filter(|(_, is_other)| *is_other).map(|(number, _)| number));
+    edited
 }

@@ -21,7 +21,7 @@ use crate::panels::lights::{ADDED, heard};
 use crate::panels::status::LampNote;
 use crate::session::SceneOfBake;
 use crate::session::lamps::LampLight;
-use crate::viewport::gizmo::{AimWhileMoving, Surface, move_to, surface_behind_glass};
+use crate::viewport::gizmo::{Surface, surface_behind_glass};
 use crate::viewport::placing::{beside, fitting_strength, placed, sized};
 use crate::words::mirrored_words;
 
@@ -271,8 +271,7 @@ impl App {
         let mut copy = FreeLamp { key: key.clone(), replaces: None, ..lamp };
         // In the picture it is seen beside the first one.
         if let Some((scene, camera, _)) = self.lamp_view() {
-            let place = beside(copy.position, &camera, &scene);
-            move_to(&mut copy, place, AimWhileMoving::GoesAlong);
+            copy = beside(&copy, &self.look.lights.lamps, &camera, &scene);
         }
         groups::join(&mut self.look.lights, of, &key);
         self.push_lamp(copy);

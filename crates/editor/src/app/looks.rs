@@ -1,10 +1,12 @@
 //! Looks in the window: their pictures, made when they or the bake change, and what is asked for about them.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Result;
+use clerestory_transport::basis::LightBasis;
 use clerestory_transport::light::LightRig;
 use eframe::egui::{self, Context, Panel, TextureHandle, TextureId, TextureOptions, Ui, Vec2};
 
@@ -13,7 +15,7 @@ use super::follow::is_as_large;
 use crate::export::ExportOptions;
 use crate::export::layers::LayerSet;
 use crate::legend::Legend;
-use crate::look::Look;
+use crate::look::{Display, Look};
 use crate::output::spare_inputs;
 use crate::panels::lights::heard;
 use crate::panels::looks::mix::{Compare, Side};
@@ -110,23 +112,22 @@ impl Prints {
                 Err(words) => problem = Err(words),
             }
         }
-        let thumbnails = look.snapshots.iter().map(|s| (Slot::Thumbnail(s.name.clone()), s.look()));
-        let under_solo = |mut seen: Look| {
-            if let Some(basis) = session.basis() {
-                seen.lights = heard(basis, &seen.lights, solo);
-            }
-            seen
-        };
+        let snapshots = look.snapshots.iter();
+        let thumbnails = snapshots.map(|s| (Slot::Thumbnail(s.name.clone()), (Cow::Borrowed(&s.lights), s.display)));
         let sides = compare.iter().flat_map(|compare| compare.sides.iter().enumerate());
         let sides = sides.filter_map(|(idx, side)| match side {
-            Side::Snapshot(name) => Some((Slot::Side(idx), under_solo(look.snapshot(name)?.look()))),
+            Side::Snapshot(name) => {
+                let snapshot = look.snapshot(name)?;
+                Some((Slot::Side(idx), (under_solo(session.basis(), &snapshot.lights, solo), snapshot.display)))
+            }
             Side::Present => None,
         });
         self.order(session, thumbnails.chain(sides).collect());
         problem
     }
 
-    fn order(&mut self, session: &Session, wanted: BTreeMap<Slot, Look>) {
+    /// Most looks stay as they are from frame to frame, and are compared without a copy.
+    fn order(&mut self, session: &Session, wanted: BTreeMap<Slot, (Cow<LightRig>, Display)>) {
         self.ordered.retain(|slot, _| wanted.contains_key(slot));
         self.textures.retain(|slot, _| wanted.contains_key(slot));
         self.lit.retain(|slot, _| wanted.contains_key(slot));
@@ -140,10 +141,12 @@ impl Prints {
             self.ordered.clear();
         }
         let Some((_, subject)) = &self.subject else { return };
-        for (slot, look) in wanted {
-            if self.ordered.get(&slot) == Some(&look) {
+        for (slot, (lights, display)) in wanted {
+            let is_it = |ordered: &Look| (&ordered.lights, &ordered.display) == (&*lights, &display);
+            if self.ordered.get(&slot).is_some_and(is_it) {
                 continue;
             }
+            let look = Look { lights: lights.into_owned(), display, ..Look::default() };
             let size = match slot {
                 Slot::Thumbnail(_) => Size::Within(THUMBNAIL_PX),
                 Slot::Side(_) => Size::Whole,
@@ -151,6 +154,14 @@ impl Prints {
             self.printer.order(slot.clone(), PrintOrder { subject: subject.clone(), look: look.clone(), size });
             self.ordered.insert(slot, look);
         }
+    }
+}
+
+/// The lights as they are seen under a solo.
+fn under_solo<'a>(basis: Option<&LightBasis>, rig: &'a LightRig, solo: &BTreeSet<String>) -> Cow<'a, LightRig> {
+    match basis {
+        Some(basis) if !solo.is_empty() => Cow::Owned(heard(basis, rig, solo)),
+        _ => Cow::Borrowed(rig),
     }
 }
 

@@ -62,8 +62,9 @@ impl Prober {
 
 fn readings(shown: &Shown, rig: &LightRig, light: Option<&LampLight>, probes: &Probes) -> Readings {
     let unit = if shown.header.basis.is_measured() { "" } else { Quantity::Luminance.unit() };
+    let pixel = |px: [u32; 2]| px[1] * shown.header.width + px[0];
     let read = |px: [u32; 2]| {
-        let pixel = [px[1] * shown.header.width + px[0]];
+        let pixel = [pixel(px)];
         let shares = shown.shares(rig, light, &pixel)?;
         let lux = shown.irradiance_at(rig, light, &pixel).map(luminance);
         Some((Reading { px, radiance: shares::sum(&shares), lux, unit }, shares))
@@ -71,7 +72,11 @@ fn readings(shown: &Shown, rig: &LightRig, light: Option<&LampLight>, probes: &P
     let plain = |px: [u32; 2]| read(px).map(|(reading, _)| reading);
     Readings {
         hover: probes.hover.and_then(plain),
-        picked: probes.picked.and_then(read),
+        picked: probes.picked.and_then(|px| {
+            let (reading, mut shares) = read(px)?;
+            shown.add_lux(&mut shares, rig, light, &[pixel(px)]);
+            Some((reading, shares))
+        }),
         pins: probes.pins.iter().filter_map(|px| plain(*px)).collect(),
     }
 }

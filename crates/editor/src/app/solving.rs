@@ -16,8 +16,8 @@ use glam::Vec3;
 use super::App;
 use super::floor::SceneFloor;
 use crate::illuminance::{LuxFigures, of_grid, of_marks, write_points};
-use crate::look::Look;
 use crate::look::wishes::{Wanted, Where, Wishes};
+use crate::look::{Look, Units};
 use crate::marks::{Framing, Kin, Marks, Seen};
 use crate::output::PendingFile;
 use crate::panels::lights::heard;
@@ -573,6 +573,7 @@ fn here<'a>(session: &Session, pictures: &'a Pictures) -> Here<'a> {
     Here {
         framing: shown.map(|shown| Framing { film: shown.film(), camera: shown.camera.clone() }),
         grids: grids.map(|(set, grid)| (set, grid.name.clone())).collect(),
+        units: shown.map_or_else(Units::default, |shown| Units::of(&shown.header.basis)),
         has_illuminance: shown.is_some_and(|shown| shown.pixel_irradiance().is_some()),
         pictures: Cow::Borrowed(pictures),
     }

@@ -44,11 +44,19 @@ impl Steps {
     }
 
     /// What is done to one thing after another is a step for each, however soon they follow: what stood before `look` is kept where
-    /// something else was edited last, and has not rested yet.
-    fn part(&mut self, look: &Look, sky: Option<&ChosenSky>, flight: Option<&Camera>) {
+    /// something else was edited last, and has not rested yet. `numbers` of the view were edited, where it was not moved as a whole.
+    fn part(
+        &mut self,
+        look: &Look,
+        sky: Option<&ChosenSky>,
+        flight: Option<&Camera>,
+        numbers: &BTreeSet<&'static str>,
+    ) {
         let mut edited = if self.now.look == *look { BTreeSet::new() } else { look.differences(&self.now.look) };
         edited.extend((self.now.sky.as_ref() != sky).then(|| "sky of the bake".to_owned()));
-        edited.extend((self.now.flight.as_ref() != flight).then(|| "camera".to_owned()));
+        if self.now.flight.as_ref() != flight {
+            edited.insert(Vec::from_iter(["camera"].iter().chain(numbers).copied()).join("."));
+        }
         if edited.is_empty() {
             return;
         }
@@ -76,7 +84,7 @@ impl App {
     /// The steps, up to date.
     fn steps(&mut self) -> &mut Steps {
         let flight = self.camera.camera.as_ref().filter(|_| self.camera.is_moving);
-        self.steps.part(&self.look, self.choices.sky.as_ref(), flight);
+        self.steps.part(&self.look, self.choices.sky.as_ref(), flight, &self.camera.edited);
         self.steps.follow(&self.look, self.choices.sky.as_ref(), flight);
         &mut self.steps
     }

@@ -18,7 +18,7 @@ use super::bake::merge;
 use super::console::{Answer, Console};
 use super::lamps::{Arriving, DEFAULT_SAMPLES, LampLight, open};
 use super::view::{load_bake, load_look, or_of_file, spare_look, warn_of_unknown_lights};
-use crate::look::Look;
+use crate::look::{Look, Units};
 use crate::marks::{Framing, Seen};
 use crate::output::{PendingFile, spare_inputs};
 use crate::solve::kept::{Here, Pictures};
@@ -92,6 +92,7 @@ fn wished_in(
     let here = Here {
         framing: Some(framing),
         grids: bake.grids().map(|(set, grid)| (set, grid.name.clone())).collect(),
+        units: Units::of(&bake.header.basis),
         has_illuminance: bake.pixel_irradiance().is_some(),
         pictures: Cow::Owned(pictures),
     };

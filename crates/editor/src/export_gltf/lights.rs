@@ -52,7 +52,9 @@ pub(super) fn write(document: &mut Document, scene: &PreparedScene, rig: &LightR
                 // A spot with a color of its own shines by strength alone.
                 let gain = gains[usize::from(is_off)][first][0];
                 let colored = if strength > 0.0 { gain / strength } else { 1.0 };
-                write_spots(document, node, panel.resolution, basis.spots_of(rig, &source.key), colored)?;
+                let spots = basis.spots_of(rig, &source.key);
+                let n_beyond = write_spots(document, node, panel.resolution, spots, colored)?;
+                warnings.extend((n_beyond > 0).then(|| beyond(n_beyond, source)));
                 (node, Part::Surfaces)
             }
             _ => {
@@ -77,6 +79,11 @@ pub(super) fn file_node(scene: &Scene, node: u32) -> usize {
 
 fn left_out(source: &LightSource) -> String {
     format!("`{}` is no light of the file, so how it is set is not written", source.key)
+}
+
+fn beyond(n_spots: usize, source: &LightSource) -> String {
+    let spots = if n_spots == 1 { "a spot".to_owned() } else { format!("{n_spots} spots") };
+    format!("{spots} of `{}` would be brighter than a file can hold, and as bright as it can is written", source.key)
 }
 
 /// Light of each column under a rig with its panels whole, in their own color or another one.
@@ -194,31 +201,36 @@ fn write_surface(
     Ok(strongest)
 }
 
-/// Marks a panel and its spots on its node. `colored` is how much brighter spots with a color of their own have to be.
+/// Marks a panel and its spots on its node. `colored` is how much brighter spots with a color of their own have to be. Answers how many
+/// would be more than is read again, and are held to that.
 fn write_spots(
     document: &mut Document,
     node_idx: usize,
     resolution: u32,
     spots: Option<&Vec<PanelSpot>>,
     colored: f32,
-) -> Result<()> {
+) -> Result<usize> {
     let mut node = document.item("nodes", node_idx)?;
     let own = node.own_extras();
     if spots.is_none() && own.read::<f64>("panel") == Some(f64::from(resolution)) {
-        return Ok(());
+        return Ok(0);
     }
+    // What is dark stays dark, however much brighter it would be.
+    let colored = colored.min(f32::MAX);
+    let brighter = |spot: &PanelSpot| {
+        let by = if spot.color.is_some() { colored } else { 1.0 };
+        PanelSpot { intensity: spot.intensity * by, ..*spot }
+    };
+    let spots: Option<Vec<PanelSpot>> = spots.map(|spots| spots.iter().map(brighter).collect());
+    let n_beyond = spots.iter().flatten().filter(|spot| spot.within_limits() != **spot).count();
     node.change("extras", |extras| {
         extras.change(OWN, |own| {
             own.set("panel", &resolution);
             if let Some(spots) = spots {
-                let brighter = |spot: &PanelSpot| {
-                    let by = if spot.color.is_some() { colored } else { 1.0 };
-                    PanelSpot { intensity: spot.intensity * by, ..*spot }
-                };
-                own.set("spots", &spots.iter().map(brighter).collect::<Vec<_>>());
+                own.set("spots", &spots.into_iter().map(PanelSpot::within_limits).collect::<Vec<_>>());
             }
         });
     });
     document.put("nodes", node_idx, &node);
-    Ok(())
+    Ok(n_beyond)
 }

@@ -252,6 +252,24 @@ fn a_muted_panel_keeps_its_spots_and_is_turned_on_in_the_file_again() {
 }
 
 #[test]
+fn spots_brighter_than_a_file_holds_are_told_and_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
+    std::fs::write(&file, shared()).unwrap();
+    let scene = open(&file);
+    let mut look = Look::default();
+    // What a spot with a color of its own does not take over of this, it has to make up for.
+    let dim = LightSetting { color: Some([0.25; 3]), ..LightSetting::default() };
+    look.lights.lights.insert("panel".into(), dim);
+    let most = PanelSpot::MOST_INTENSITY;
+    let spot = PanelSpot { position: [0.3, 0.6], radius: 0.4, color: Some([1.0, 0.0, 0.2]), intensity: most };
+    look.lights.panels.insert("panel".into(), vec![spot]);
+    let told = save(&file, &scene, &look, &out);
+    assert!(told.len() == 1 && told[0].contains("`panel`"), "{told:?}");
+    assert_eq!(open(&out).lighting.basis.spots["panel"], vec![spot]);
+}
+
+#[test]
 fn free_lamps_become_nodes_that_shine_alike() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.glb"));

@@ -20,7 +20,7 @@ mod table;
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_transport::basis::LightBasis;
-use eframe::egui::{self, Align, ComboBox, Key, Layout, Modifiers, Panel, RichText, TextEdit, Ui};
+use eframe::egui::{self, Align, ComboBox, Event, Key, Layout, Modifiers, Panel, Popup, RichText, TextEdit, Ui};
 use serde::{Deserialize, Serialize};
 
 use super::lamps::{LampChoice, LampState, Pick, add_button, missing_ui};
@@ -104,6 +104,9 @@ pub struct LightsState {
     pub pointed: Option<String>,
     chosen_before: Option<String>,
     selection: Selection,
+    /// Key of the light whose name has the keyboard, and of the one whose name gets it.
+    focused: Option<String>,
+    focus_next: Option<String>,
     /// The chosen lamp of the frame before.
     lamp_before: Option<String>,
     collapsed: BTreeSet<String>,
@@ -197,6 +200,7 @@ pub fn lights_ui(
     let file = basis.file_rig();
     let mut mix = Mix { lights: &lights, items: &items, order, look, basis, file: &file, state, actions };
     keys(ui, &mut mix);
+    mix.state.focused = None;
     if lights.iter().any(|light| mix.state.selection.has(&light.key)) {
         let frame = egui::Frame::NONE.inner_margin(egui::Margin::symmetric(0, 4));
         Panel::bottom("selected lights").frame(frame).show(ui, |ui| editor::editor_ui(ui, &mut mix));
@@ -211,6 +215,8 @@ pub fn lights_ui(
         LightsView::Board => board::board_ui(ui, &mut mix),
         LightsView::Table => table::table_ui(ui, &mut mix),
     }
+    // Now it is known in which order they stand, and which of them has the keyboard.
+    arrow_keys(ui, &mut mix);
 }
 
 /// Title, ways to see the lights, and the menu of lamps.
@@ -326,6 +332,32 @@ fn order(items: &[Item], lights: &[Listed], collapsed: &BTreeSet<String>) -> Vec
     };
     let shown = items.iter().filter(is_open).flat_map(|item| item.lights());
     shown.map(|idx| lights[*idx].key.clone()).collect()
+}
+
+/// Arrows up and down take the selection along, with Shift they extend it: while a name has the keyboard, or nothing has it.
+fn arrow_keys(ui: &Ui, mix: &mut Mix) {
+    let focused = mix.state.focused.clone();
+    let nothing_has_it = || ui.memory(|memory| memory.focused().is_none());
+    let is_meant = focused.is_some() || !mix.state.selection.is_empty() && nothing_has_it();
+    if !is_meant || !hears_keys(ui) || Popup::is_any_open(ui.ctx()) {
+        return;
+    }
+    let step = |event: &Event| match event {
+        Event::Key { key, pressed: true, modifiers, .. } if !modifiers.alt && !modifiers.command => match key {
+            Key::ArrowUp => Some((-1, *modifiers)),
+            Key::ArrowDown => Some((1, *modifiers)),
+            _ => None,
+        },
+        _ => None,
+    };
+    let steps: Vec<(isize, Modifiers)> = ui.input(|input| input.events.iter().filter_map(step).collect());
+    let mut from = focused.clone();
+    for (by, modifiers) in steps {
+        // Only the first goes on from the keyboard, which follows once all are done.
+        if mix.step(from.take().as_deref(), by, modifiers) && focused.is_some() {
+            mix.state.focus_next.clone_from(&mix.state.scroll_to);
+        }
+    }
 }
 
 /// Keys that select, and change what is selected. While somebody types they are letters.

@@ -35,9 +35,9 @@ pub fn context_menu(response: &Response, add: impl FnOnce(&mut Ui)) {
     }
 }
 
-/// Notes as a frame begins whether a menu, a list or a picker is open, which Escape closes before others hear of it.
-pub fn note_open(ctx: &Context) {
-    let is_open = Popup::is_any_open(ctx);
+/// Notes as a frame begins whether a menu, a list or a picker is open, or the list of keys, which Escape closes before others hear of it.
+pub fn note_open(ctx: &Context, are_keys_listed: bool) {
+    let is_open = are_keys_listed || Popup::is_any_open(ctx);
     ctx.data_mut(|data| data.insert_temp(Id::unique("open as the frame began"), is_open));
 }
 

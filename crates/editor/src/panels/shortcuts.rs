@@ -42,6 +42,8 @@ pub const LIGHTS_PANEL: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE
 /// Closes the panel of display, camera and bake, or opens it.
 pub const SETTINGS_PANEL: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::N);
 const CAMERA: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::C);
+const VIEW_BEFORE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::PageUp);
+const VIEW_AFTER: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::PageDown);
 const DELETE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Delete);
 const DELETE_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Backspace);
 /// Copies the chosen lamp.
@@ -101,6 +103,8 @@ pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
     take(&LIGHTS_PANEL, Action::TogglePanel(Side::Lights));
     take(&SETTINGS_PANEL, Action::TogglePanel(Side::Settings));
     take(&CAMERA, Action::ToggleCamera);
+    take(&VIEW_BEFORE, Action::StepView(-1));
+    take(&VIEW_AFTER, Action::StepView(1));
     take(&DELETE, Action::DeleteChosen);
     take(&DELETE_TOO, Action::DeleteChosen);
     take(&DUPLICATE, Action::DuplicateLamp);
@@ -115,7 +119,7 @@ pub fn hears_keys(ui: &Ui) -> bool {
     !ui.text_edit_focused() && ui.memory(|memory| memory.allows_interaction(ui.layer_id()))
 }
 
-/// Whether Escape was pressed and is for what is drawn there, and for no menu that it closes.
+/// Whether Escape was pressed and is for what is drawn there, and for no menu or list that it closes.
 pub fn escapes(ui: &Ui) -> bool {
     hears_keys(ui) && !was_open(ui.ctx()) && ui.input(|input| input.key_pressed(Key::Escape))
 }
@@ -199,6 +203,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Click in the picture"), "Show which lights are there"),
         (words("P"), "Pin a probe at the pointer"),
         (words("C, Esc"), "Take the camera in hand, put it down"),
+        (format!("{}, {}", keys(&VIEW_BEFORE), keys(&VIEW_AFTER)), "The baked view before, the one after"),
         (words("Drag with the camera in hand"), "Turn, with Shift move; the wheel comes nearer"),
         blender,
         alt_mouse,
@@ -223,6 +228,10 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (format!("Click on a name, with Shift, with {command}"), "Select a light, all up to there, one more"),
         (format!("Click in the picture, with Shift or {command}"), "Select the light that shines there, or one more"),
         (keys(&ALL_LIGHTS), "Select all lights that the list has"),
+        (
+            words("Arrow keys up and down, with Shift"),
+            "Select the light above, the one below, or one more: after a click on a name",
+        ),
         (words("[ and ]"), "Selected lights a third of a stop darker, brighter"),
         (words("Arrow keys on a fader, with Shift"), "A third of a stop, a twelfth"),
         (words("F2"), "Rename the selected light"),

@@ -12,8 +12,8 @@ use super::number::{Number, before_drag, number_of};
 use super::sight::keep_in_sight;
 use crate::action::{Action, FileTask};
 use crate::illuminance::FOOT_CANDLE_LX;
-use crate::look::Look;
 use crate::look::wishes::{CURVES, Entry, Wanted, Where, Wishes};
+use crate::look::{Look, Units};
 use crate::marks::Marked;
 use crate::solve::kept::Here;
 use crate::solve::{Exposure, Solution};
@@ -39,10 +39,10 @@ const FULL: &str = "There are as many wishes as a look holds; remove one first";
 /// Said where a wish cannot have what is marked for its place.
 const NOT_TO_BE_MOVED: &str = "Mark another part of the picture first, no larger than a look holds";
 
-/// Kinds with their name, unit, a value to start with, and a hint.
+/// Kinds with their name, unit, a value to start with, and a hint. The unit of luminance is that of the picture.
 const KINDS: [(Kind, &str, &str, f64, &str); 4] = [
     (Kind::Lux, "Illuminance", " lx", 500.0, "Mean of the light that arrives"),
-    (Kind::Luminance, "Luminance", " cd/m²", 100.0, "Mean of the light that is seen"),
+    (Kind::Luminance, "Luminance", "", 100.0, "Mean of the light that is seen"),
     (Kind::Times, "Times as bright", "×", 2.0, "Mean of the light that is seen, times what it is now"),
     (Kind::Keep, "Keep", "", 0.0, "What is marked stays as it is"),
 ];
@@ -116,7 +116,7 @@ pub fn solve_ui(
     theme::folding(ui, "Solve for light", Fold::Closed, |ui| {
         ui.label(RichText::new("Say what you want to see, and let the lights be found").weak());
         tools_ui(ui, marking, view.has_scene);
-        kind_ui(ui, state);
+        kind_ui(ui, state, view.here.units);
         new_wish_ui(ui, (state, wishes), marking, view, actions);
         wishes_ui(ui, wishes, marking, &view.here);
         limits_ui(ui, wishes, view);
@@ -129,7 +129,15 @@ pub fn solve_ui(
     });
 }
 
-fn kind_ui(ui: &mut Ui, state: &mut SolveState) {
+/// Unit of a luminance, as it stands behind its number.
+fn luminance_unit(units: Units) -> &'static str {
+    match units {
+        Units::Photometric => " cd/m²",
+        Units::Relative => " relative",
+    }
+}
+
+fn kind_ui(ui: &mut Ui, state: &mut SolveState, units: Units) {
     ui.horizontal(|ui| {
         let (_, name, unit, _, hint) = KINDS[KINDS.iter().position(|kind| kind.0 == state.kind).unwrap_or(0)];
         let combo = egui::ComboBox::from_id_salt("wish kind").selected_text(name).width(128.0);
@@ -146,6 +154,7 @@ fn kind_ui(ui: &mut Ui, state: &mut SolveState) {
         if state.kind != before {
             state.value = KINDS[KINDS.iter().position(|kind| kind.0 == state.kind).unwrap_or(0)].3;
         }
+        let unit = if state.kind == Kind::Luminance { luminance_unit(units) } else { unit };
         if state.kind != Kind::Keep {
             let speed = (0.01 * state.value).max(0.01);
             let value = Number::new(&mut state.value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
@@ -198,7 +207,12 @@ fn new_wish_ui(
                 wishes.push(name, Where::Sensors(name.clone()), state.wanted());
             }
         }
-        let hint = "Lights that make the picture look like another one: EXR or HDR in cd/m², or PNG or JPEG";
+        let numbers = match view.here.units {
+            Units::Photometric => "cd/m²",
+            Units::Relative => "the numbers of these photographs",
+        };
+        let hint =
+            format!("Lights that make the picture look like another one: EXR or HDR in {numbers}, or PNG or JPEG");
         let button = ui.add_enabled(wishes.has_room(), Button::new("Match picture…")).on_hover_text(hint);
         if button.on_disabled_hover_text(FULL).clicked() {
             actions.push(Action::Ask(FileTask::OpenTarget));
@@ -272,7 +286,7 @@ fn wanted_ui(ui: &mut Ui, wish: &mut Entry, here: &Here) {
     let (name, is_lux) = (format!("{} wanted", wish.name), matches!(wish.wanted, Wanted::Lux(_)));
     let (value, unit) = match &mut wish.wanted {
         Wanted::Lux(lux) => (Some(lux), " lx"),
-        Wanted::Luminance(nit) => (Some(nit), " cd/m²"),
+        Wanted::Luminance(nit) => (Some(nit), luminance_unit(here.units)),
         Wanted::Times(times) => (Some(times), "×"),
         Wanted::Keep => (None, "keep"),
         Wanted::Match { file, tone, exposure_ev } => match here.shown_with(file, *tone, *exposure_ev) {

@@ -1,6 +1,8 @@
 //! What each light brings to some pixels of the picture: rows of the matrix times the coefficients of its columns.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use clerestory_nystrom::BlockLowRank;
@@ -20,6 +22,8 @@ pub struct Share {
     pub key: String,
     /// Its part of the mean radiance, nit per channel.
     pub radiance: Vec3,
+    /// Its part of the mean irradiance, lux; where that was asked for and is known.
+    pub lux: Option<f32>,
     /// Whether it is a light of the scene, and no lamp that was added.
     pub is_of_scene: bool,
 }
@@ -50,7 +54,7 @@ impl Shown {
             .map(|source| {
                 let columns = source.columns.clone().map(|column| column as usize);
                 let radiance = columns.map(|column| brought(column, Vec3::from(coefficients[column]))).sum();
-                Share { key: source.key.clone(), radiance, is_of_scene: true }
+                Share { key: source.key.clone(), radiance, lux: None, is_of_scene: true }
             })
             .collect();
         let first_patch = basis.patch_columns().map_or(row.len(), |columns| columns.start as usize);
@@ -58,10 +62,35 @@ impl Shown {
             let direct: Vec3 = pixels.iter().map(|pixel| part.direct(*pixel)).sum::<Vec3>() / pixels.len() as f32;
             let columns = first_patch..row.len();
             let indirect: Vec3 = columns.zip(LampPart::of_patches(part)).map(|(column, x)| brought(column, x)).sum();
-            Share { key: part.key.clone(), radiance: direct + indirect, is_of_scene: false }
+            Share { key: part.key.clone(), radiance: direct + indirect, lux: None, is_of_scene: false }
         }));
         shares.sort_by(|a, b| b.luminance().total_cmp(&a.luminance()));
         Some(shares)
+    }
+
+    /// Tells of each share what arrives of its light at the same pixels, where that is baked, and measured of a free lamp. Together
+    /// they are the irradiance there.
+    pub fn add_lux(&self, shares: &mut [Share], rig: &LightRig, light: Option<&LampLight>, pixels: &[u32]) {
+        let Some(set) = self.pixel_irradiance() else { return };
+        let Some(row) = mean_row(&self.irradiance[set], pixels) else { return };
+        let row: Vec<Vec3> = row.into_iter().flatten().map(Vec3::from).collect();
+        let coefficients = self.header.irradiance_coefficients(set, rig).into_iter().flatten().map(Vec3::from);
+        let baked: Vec<Vec3> = row.iter().zip(coefficients).map(|(row, x)| *row * x).collect();
+        let basis = &self.header.basis;
+        let of_columns = |columns: &Range<u32>| -> Vec3 { columns.clone().map(|column| baked[column as usize]).sum() };
+        let first_patch = basis.patch_columns().map_or(row.len(), |columns| columns.start as usize);
+        let of_lamp = |part: &LampPart| {
+            let straight: Vec3 = pixels.iter().map(|pixel| part.arriving(*pixel)).sum::<Vec3>() / pixels.len() as f32;
+            straight + row[first_patch..].iter().zip(part.of_patches()).map(|(row, x)| *row * x).sum::<Vec3>()
+        };
+        let of_scene = basis.sources.iter().map(|source| ((source.key.as_str(), true), of_columns(&source.columns)));
+        let parts = light.into_iter().flat_map(|light| &light.parts).filter(|part| part.is_measured());
+        let lamps = parts.map(|part| ((part.key.as_str(), false), of_lamp(part)));
+        let brought: BTreeMap<(&str, bool), f32> =
+            of_scene.chain(lamps).map(|(of, lux)| (of, luminance(lux))).collect();
+        for share in shares {
+            share.lux = brought.get(&(share.key.as_str(), share.is_of_scene)).copied();
+        }
     }
 
     /// Mean irradiance over some pixels under a rig and the light of its free lamps, lux per channel; `None` where it is not

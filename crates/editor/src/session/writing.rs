@@ -1,6 +1,6 @@
 //! Pictures, frames, scenes and bakes as files, written beside the window.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -8,8 +8,9 @@ use clerestory_transport::archive;
 
 use super::lamps::LampLight;
 use super::seen::Seen;
-use super::task::{self, Fact, Task};
+use super::task::{self, Fact, Post, Task};
 use super::{Session, sheet};
+use crate::crash;
 use crate::export::ExportOptions;
 use crate::look::Look;
 use crate::look::snapshot::Snapshot;
@@ -26,7 +27,7 @@ impl Session {
     /// Makes the same picture for the clipboard in the background; it comes as a notice.
     pub fn copy(&mut self, look: Look, light: Option<LampLight>) {
         let Some(subject) = self.subject() else { return };
-        let task = self.spawn("copy", move |post| {
+        let task = self.spawn_writer("copy", "the picture was not copied".into(), move |post| {
             let developed = Seen::of(subject, look, light).develop().map_err(|error| in_words(&error));
             let _ = post.send(Fact::Developed(developed), Duration::ZERO);
         });
@@ -37,7 +38,9 @@ impl Session {
     pub fn export_gltf(&mut self, look: Look, path: PathBuf) {
         let opened = self.opened.as_ref().and_then(|opened| Some((opened.scene.clone()?, opened.source.clone()?)));
         let Some((scene, source)) = opened else { return };
-        let task = self.spawn("write", move |post| task::write_gltf(&scene, source, &look, &path, &post));
+        let lost = not_saved(&path);
+        let body = move |post: &Post| task::write_gltf(&scene, source, &look, &path, post);
+        let task = self.spawn_writer("write", lost, body);
         self.others.extend(task);
     }
 
@@ -46,14 +49,16 @@ impl Session {
         let Some(subject) = self.subject() else { return };
         self.cancel_frames();
         let n_frames = sequence.n_frames();
-        let task = self.spawn("frames", move |post| task::write_frames(&sequence, subject, &post));
+        let body = move |post: &Post| task::write_frames(&sequence, subject, post);
+        let task = self.spawn_writer("frames", "not all frames were saved".into(), body);
         self.frames = task.map(|task| (task, (0, n_frames)));
     }
 
     /// Writes the pictures of looks on one sheet in the background.
     pub fn save_sheet(&mut self, snapshots: Vec<Snapshot>, path: PathBuf) {
         let Some(subject) = self.subject() else { return };
-        let task = self.spawn("sheet", move |post| sheet::write(&snapshots, subject, &path, &post));
+        let lost = not_saved(&path);
+        let task = self.spawn_writer("sheet", lost, move |post| sheet::write(&snapshots, subject, &path, post));
         self.others.extend(task);
     }
 
@@ -103,11 +108,45 @@ impl Session {
         path: PathBuf,
         job: impl FnOnce() -> anyhow::Result<Option<String>> + Send + 'static,
     ) -> Option<u64> {
-        let task = self.spawn("write", move |post| {
+        let task = self.spawn_writer("write", not_saved(&path), move |post| {
             post.written(job().map(|warning| (format!("Saved {}", path.display()), warning)));
         });
         let id = task.as_ref().map(Task::id);
         self.others.extend(task);
         id
+    }
+
+    /// Starts a thread whose end nobody else watches: where it panics, what is `lost` by that is told as any other failure.
+    fn spawn_writer(&mut self, name: &str, lost: String, body: impl FnOnce(&Post) + Send + 'static) -> Option<Task> {
+        self.spawn(name, move |post| {
+            if let Err(words) = crash::guarded(|| body(&post)) {
+                post.written(Err(anyhow::Error::msg(format!("{lost}: {words}"))));
+            }
+        })
+    }
+}
+
+/// What is said first of a file that is not there.
+fn not_saved(path: &Path) -> String {
+    format!("{} was not saved", path.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Notice;
+    use super::*;
+
+    #[test]
+    fn a_writer_that_panics_is_told_as_a_failure() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        session.write("hall.png".into(), || panic!("injected by a test of the writers"));
+        let mut notices = Vec::new();
+        while !session.others.is_empty() {
+            notices.extend(session.drain());
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        notices.extend(session.drain());
+        let [Notice::Failed(words)] = notices.as_slice() else { panic!("{notices:?}") };
+        assert!(words.starts_with("hall.png was not saved: it ended unexpectedly"), "{words}");
     }
 }

@@ -9,6 +9,7 @@ use super::lights::{Unknown, with};
 use super::report::{Change, Outcome, Solution, size_of};
 use super::rows::{Row, Rows, luminance};
 use super::{Exposure, Freedom, Place, Request, Scene, Target, Wish};
+use crate::look::Units;
 
 mod matching;
 
@@ -159,10 +160,11 @@ pub(super) fn fit(scene: &Scene, request: &Request, unknowns: &[Unknown], rows: 
         unknowns.iter().enumerate().map(|(light, unknown)| unknown.set_to(layout.of(light, &x))).collect();
     // Light that is kept is no wish to be missed.
     let (mut told, mut matched) = (means.iter(), matchings.iter());
+    let units = Units::of(&scene.bake.header.basis);
     let outcome_of = |wish: &Wish| match wish.target {
         Target::Keep => None,
         Target::Picture(..) => matched.next().map(|matching| matching.outcome(wish, &cells, &layout, &x)),
-        _ => told.next().map(|mean| outcome(mean, &x, &layout, request.bounds)),
+        _ => told.next().map(|mean| outcome(mean, &x, &layout, request.bounds, units)),
     };
     let outcomes: Vec<Outcome> = request.wishes.iter().filter_map(outcome_of).collect();
     let missable = request.wishes.iter().filter(|wish| !matches!(wish.target, Target::Keep));
@@ -363,9 +365,9 @@ fn toned_down(rgb: [f64; 3], wanted: f64) -> [f64; 3] {
     rgb.map(|x| x + t.clamp(0.0, 1.0) * (white - x))
 }
 
-fn outcome(mean: &Mean, x: &[f64], layout: &Layout, bounds: [f64; 2]) -> Outcome {
+fn outcome(mean: &Mean, x: &[f64], layout: &Layout, bounds: [f64; 2], units: Units) -> Outcome {
     let reached = luminance(layout.value(&mean.row, x));
-    let unit = if matches!(mean.wish.place, Place::Grid(_)) { "lx" } else { mean.wish.target.unit() };
+    let unit = if matches!(mean.wish.place, Place::Grid(_)) { "lx" } else { mean.wish.target.unit(units) };
     Outcome::of_mean((&mean.wish.name, unit), [mean.wanted, mean.before, reached], layout.range(&mean.row), bounds)
 }
 

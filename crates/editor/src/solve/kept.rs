@@ -8,6 +8,7 @@ use clerestory_relight::Tone;
 
 use super::parse::matching;
 use super::{Exposure, Freedom, Place, Request, Target, TargetPicture, Wish};
+use crate::look::Units;
 use crate::look::wishes::{Entry, Wanted, Where, Wishes};
 use crate::marks::Framing;
 
@@ -20,6 +21,8 @@ pub struct Here<'a> {
     pub framing: Option<Framing>,
     /// Sensor grids of its bake: number and name.
     pub grids: Vec<(usize, String)>,
+    /// What the numbers of the picture count.
+    pub units: Units,
     /// Whether the light that arrives at the pixels was baked.
     pub has_illuminance: bool,
     /// Pictures that were read.
@@ -123,7 +126,8 @@ mod tests {
             ("gone.exr".to_owned(), Err("cannot read gone.exr".to_owned())),
         ]);
         let grids = vec![(3, "Floor".to_owned())];
-        Here { framing: Some(framing), grids, has_illuminance: false, pictures: Cow::Owned(pictures) }
+        let units = Units::Photometric;
+        Here { framing: Some(framing), grids, units, has_illuminance: false, pictures: Cow::Owned(pictures) }
     }
 
     fn wishes() -> Wishes {

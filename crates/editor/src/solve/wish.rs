@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::TargetPicture;
+use crate::look::{Quantity, Units};
 use crate::marks::Marks;
 
 /// Something that a designer wants to see.
@@ -96,11 +97,11 @@ impl Default for Request {
 }
 
 impl Target {
-    /// Unit of what is wanted, for people.
-    pub fn unit(&self) -> &'static str {
+    /// Unit of what is wanted, for people, of a picture that counts in `units`.
+    pub fn unit(&self, units: Units) -> &'static str {
         match self {
-            Target::Illuminance(_) => "lx",
-            Target::Luminance(_) | Target::Times(_) => "cd/m²",
+            Target::Illuminance(_) => Quantity::Illuminance.unit(),
+            Target::Luminance(_) | Target::Times(_) => Quantity::Luminance.unit_in(units),
             Target::Keep | Target::Picture(..) => "% off",
         }
     }

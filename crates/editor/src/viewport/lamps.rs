@@ -14,7 +14,7 @@ use crate::action::Action;
 use crate::look::Look;
 use crate::panels::lamps::{LampState, Pick, lamp_menu, shown_color};
 use crate::panels::lights::{LightsState, letters_menu};
-use crate::panels::menu::context_menu;
+use crate::panels::menu::{context_menu, was_open};
 use crate::theme;
 
 /// Length of the arrows in points.
@@ -141,7 +141,8 @@ fn cancel(ui: &Ui, lamps: &mut [FreeLamp], state: &mut LampState, actions: &mut 
     if !ui.input(|input| input.key_pressed(Key::Escape)) {
         return;
     }
-    state.aiming = false;
+    // What the same key closes in front leaves a lamp that is to be aimed in hand; a drag is ended by the toolkit all the same.
+    state.aiming &= was_open(ui.ctx());
     if let Some(pulled) = state.pulled.take() {
         state.pulled_at = None;
         actions.push(Action::PutBack(Box::new(pulled)));

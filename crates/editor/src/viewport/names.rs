@@ -31,6 +31,8 @@ const RADIUS: f32 = 4.0;
 const WEAK: f32 = 0.55;
 /// Most selected lights whose names stand in the picture.
 const MOST_NAMES: usize = 8;
+/// Rays that are sent for the marks of a frame at most.
+const MOST_RAYS: usize = 400;
 /// Share of the light of a lamp behind glass that must come through for its mark to be seen.
 const SEEN: f32 = 0.05;
 
@@ -46,17 +48,23 @@ pub fn marks_ui(
 ) -> bool {
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
     let is_near = ui.input(|input| input.pointer.hover_pos()).is_some_and(|at| picture.rect.contains(at));
-    let mut touched = false;
-    for (source, light) in lamps(sight.scene) {
-        let (position, is_measured) = (light.position, light.profile.is_some());
-        let name = look.name_of(&source.key);
-        let is_chosen = lights.is_selected(&source.key) || lights.chosen.as_deref() == Some(&source.key);
+    let is_meant = |lights: &LightsState, key: &str| lights.is_selected(key) || lights.chosen.as_deref() == Some(key);
+    let in_view = lamps(sight.scene).filter_map(|(source, light)| {
         // A lamp that was moved away hangs there no longer.
-        if look.lights.is_replaced(&source.key) || !is_near && !is_chosen {
+        let is_there = !look.lights.is_replaced(&source.key) && (is_near || is_meant(lights, &source.key));
+        let at = sight.seen_at(light.position).filter(|at| is_there && painter.clip_rect().contains(*at))?;
+        Some((source, light, at))
+    });
+    let in_view: Vec<(&LightSource, &PunctualLight, Pos2)> = in_view.collect();
+    let in_view = with_ray(in_view, |(source, ..)| is_meant(lights, &source.key));
+    let mut touched = false;
+    for (source, light, at) in in_view {
+        if !is_seen(sight, light.position) {
             continue;
         }
-        let seen = sight.seen_at(position).filter(|at| painter.clip_rect().contains(*at));
-        let Some(at) = seen.filter(|_| is_seen(sight, position)) else { continue };
+        let is_measured = light.profile.is_some();
+        let name = look.name_of(&source.key);
+        let is_chosen = is_meant(lights, &source.key);
         let rect = Rect::from_center_size(at, Vec2::splat(2.0 * REACH));
         let response =
             ui.interact(rect, Id::unique(("lamp of the file", source.key.as_str())), Sense::click_and_drag());
@@ -88,6 +96,19 @@ pub fn marks_ui(
         touched |= response.hovered() || response.clicked();
     }
     touched
+}
+
+/// Lamps for whose marks a ray is sent in a frame: those that are meant, then others, the first ones of each.
+fn with_ray<T>(lamps: Vec<T>, is_meant: impl Fn(&T) -> bool) -> Vec<T> {
+    let n_meant = lamps.iter().filter(|lamp| is_meant(lamp)).count().min(MOST_RAYS);
+    let mut n_left = [MOST_RAYS - n_meant, n_meant];
+    let has_ray = |lamp: &T| {
+        let n_left = &mut n_left[usize::from(is_meant(lamp))];
+        let has_ray = *n_left > 0;
+        *n_left = n_left.saturating_sub(1);
+        has_ray
+    };
+    lamps.into_iter().filter(has_ray).collect()
 }
 
 fn mark_menu(
@@ -126,9 +147,13 @@ pub fn selected_ui(
     let added = look.lights.lamps.iter().filter(|lamp| pointed == Some(lamp.key.as_str()));
     let added = added.map(|lamp| (lamp.key.as_str(), lamp.position, false));
     let places: Vec<(&str, Vec3, bool)> = of_file.chain(added).collect();
+    // Each of these has its mark as well, where it is to have one.
+    let mut n_rays = MOST_RAYS - 1;
     for &(key, place, has_mark) in &places {
         let Some(at) = sight.seen_at(place).filter(|at| painter.clip_rect().contains(*at)) else { continue };
-        let (name, is_clear) = (look.name_of(key), is_seen(sight, place));
+        // Of more lights than anybody tells apart it is not asked whether something hides them.
+        let (name, is_clear) = (look.name_of(key), n_rays > 0 && is_seen(sight, place));
+        n_rays = n_rays.saturating_sub(1);
         // A lamp that nothing hides has its mark already.
         if !(is_clear && has_mark) {
             ring(&painter, at, theme::ACCENT.gamma_multiply(if is_clear { 1.0 } else { WEAK }));
@@ -182,4 +207,19 @@ fn is_seen(sight: &Sight, point: Vec3) -> bool {
     let eye = sight.camera.position();
     let near = point + (eye - point).clamp_length_max(0.15);
     sight.scene.transmittance(eye, near).max_element() > SEEN
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_sends_no_more_rays_than_it_may_and_what_is_selected_comes_first() {
+        assert_eq!(with_ray((0..MOST_RAYS).collect(), |_| false), Vec::from_iter(0..MOST_RAYS));
+        let some = with_ray((0..3 * MOST_RAYS).collect(), |lamp| *lamp >= 2 * MOST_RAYS && *lamp % 2 == 0);
+        let others = MOST_RAYS / 2;
+        assert!(some.len() == MOST_RAYS && some[..others].iter().copied().eq(0..others));
+        assert!(some[others..].iter().copied().eq((2 * MOST_RAYS..3 * MOST_RAYS).step_by(2)));
+        assert_eq!(with_ray((0..3 * MOST_RAYS).collect(), |_| true), Vec::from_iter(0..MOST_RAYS));
+    }
 }

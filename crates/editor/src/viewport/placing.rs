@@ -8,7 +8,7 @@ use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use clerestory_transport::prepared::PreparedScene;
 use glam::Vec3;
 
-use super::gizmo::{Surface, free_m, put_on, scale_of, surface_along, surface_behind_glass};
+use super::gizmo::{AimWhileMoving, Surface, free_m, move_to, put_on, scale_of, surface_along, surface_behind_glass};
 use crate::look::lamps::MOST_STRENGTH;
 
 /// Downward part of a normal from which on a surface is a ceiling.
@@ -25,8 +25,11 @@ const BRIGHT: f32 = 0.5;
 const REFLECTANCE: f32 = 0.5;
 /// Fluxes that a new lamp may have, lumen.
 const LUMEN: [f32; 2] = [50.0, 20_000.0];
-/// How far a copy stands beside the lamp, of its distance to the camera.
+/// How far a copy stands beside the lamp, of its distance to the camera; how many stand in a row, and how often they may stand half as
+/// far from each other.
 const BESIDE: f32 = 0.06;
+const IN_A_ROW: u32 = 8;
+const CLOSER: i32 = 8;
 /// Steps of fluxes and of sizes within a power of ten.
 const STEPS: [f32; 7] = [1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0];
 
@@ -72,17 +75,33 @@ pub fn fitting_strength(lamp: &FreeLamp, exposure_ev: f32, scene: &PreparedScene
     (round((lux * lit_m * lit_m / candela_per_lumen).clamp(least, most)).min(MOST_STRENGTH), LampUnit::Lumen)
 }
 
-/// Where the copy of a lamp stands: beside it as a camera sees it, to the right if there is room, else to the left, at most half
-/// way to the next surface.
-pub fn beside(place: Vec3, camera: &Camera, scene: &PreparedScene) -> Vec3 {
-    let right = camera.world_from_camera.x_axis.truncate();
-    let wanted_m = BESIDE * place.distance(camera.position());
-    let half_way = |side: Vec3| {
-        let next = surface_along(scene, place, side);
-        next.map_or(wanted_m, |next| wanted_m.min(0.5 * next.position.distance(place)))
+/// A lamp beside the one that it is a copy of, as a camera sees it, where none of the `others` stands: to the right if there is room,
+/// else to the left, above or below, at most half way to the next surface and no farther than a look holds. Where all that is taken
+/// already it stays.
+pub fn beside(lamp: &FreeLamp, others: &[FreeLamp], camera: &Camera, scene: &PreparedScene) -> FreeLamp {
+    let [right, up] = [camera.world_from_camera.x_axis, camera.world_from_camera.y_axis].map(|axis| axis.truncate());
+    let sides = [right, -right, up, -up].map(|side| {
+        let next = surface_along(scene, lamp.position, side);
+        (side, next.map_or(f32::INFINITY, |next| 0.5 * next.position.distance(lamp.position)))
+    });
+    let usual_m = BESIDE * lamp.position.distance(camera.position());
+    let copy = |place: Vec3, step_m: f32| {
+        let mut copy = lamp.clone();
+        move_to(&mut copy, place, AimWhileMoving::GoesAlong);
+        let is_apart = |other: &FreeLamp| other.position.distance(place) > 0.5 * step_m;
+        Some(copy).filter(|copy| copy.position == place && others.iter().chain([lamp]).all(is_apart))
     };
-    let [to_right, to_left] = [right, -right].map(half_way);
-    place + if to_right >= to_left { right * to_right } else { right * -to_left }
+    // Where there is little room, or many copies, they stand closer.
+    for step_m in (0..CLOSER).map(|closer| usual_m * 0.5f32.powi(closer)) {
+        for (side, room_m) in sides {
+            let away_m = (1..=IN_A_ROW).map(|nth| nth as f32 * step_m).take_while(|away_m| *away_m <= room_m);
+            let mut copies = away_m.filter_map(|away_m| copy(lamp.position + side * away_m, step_m));
+            if let Some(copy) = copies.next() {
+                return copy;
+            }
+        }
+    }
+    lamp.clone()
 }
 
 /// The nearest step.
@@ -99,6 +118,7 @@ mod tests {
     use clerestory_transport::light::LightSetting;
 
     use super::*;
+    use crate::look::lamps::FARTHEST_M;
 
     fn scene() -> PreparedScene {
         let room = include_str!("../../tests/room.gltf");
@@ -214,10 +234,29 @@ mod tests {
     fn a_copy_stands_beside_its_lamp_and_within_the_room() {
         let scene = scene();
         let camera = &scene.scene.cameras[0];
-        let copied = |place: Vec3| beside(place, camera, &scene) - place;
+        let copied = |position: Vec3| beside(&FreeLamp { position, ..spot() }, &[], camera, &scene).position - position;
         let middle = copied(Vec3::new(0.0, 0.2, -0.9));
         assert!(middle.x > 0.1 && middle.y.abs() < 1e-4, "to the right: {middle}");
         let by_the_wall = copied(Vec3::new(0.95, 0.2, -0.9));
         assert!(by_the_wall.x < -0.1, "to the left: {by_the_wall}");
+    }
+
+    #[test]
+    fn many_copies_of_a_lamp_stand_apart_and_one_at_the_limit_of_places_has_its_copy_beside_it() {
+        let scene = scene();
+        let camera = &scene.scene.cameras[0];
+        let lamp = FreeLamp { position: Vec3::new(0.0, 0.2, -0.9), ..spot() };
+        let mut copies = Vec::new();
+        for _ in 0..40 {
+            copies.push(beside(&lamp, &copies, camera, &scene));
+        }
+        for (nth, copy) in copies.iter().enumerate() {
+            let others = copies[..nth].iter().chain([&lamp]);
+            let nearest = others.map(|other| other.position.distance(copy.position)).fold(f32::INFINITY, f32::min);
+            assert!(nearest > 1e-3 && copy.position.abs().max_element() < 1.0, "{nearest} m: {}", copy.position);
+        }
+        let far = FreeLamp { position: Vec3::new(FARTHEST_M, 0.2, -0.9), ..spot() };
+        let copy = beside(&far, &[], camera, &scene);
+        assert!(copy.position.x < 0.99 * FARTHEST_M && copy.position.x > 0.5 * FARTHEST_M, "{}", copy.position);
     }
 }

@@ -78,8 +78,9 @@ const SEEN_ROWS: f32 = 8.0;
 const ROW: f32 = 22.0;
 /// Part of the light up to which shares that noise made less than nothing are not spoken of.
 const MOST_NOISE: f32 = 0.05;
-/// Width of the breakdown, points.
+/// Width of the breakdown, points, and what lux take beside luminance.
 const WIDTH: f32 = 268.0;
+const LUX_WIDTH: f32 = 64.0;
 /// Room between a pixel and its breakdown, points.
 const BESIDE: f32 = 18.0;
 
@@ -89,12 +90,18 @@ impl Reading {
         let luminance = in_unit(luminance(self.radiance).max(0.0), self.unit);
         match self.lux.map(|lux| lux.max(0.0)) {
             Some(lux) => {
-                let foot_candles = f64::from(lux) / FOOT_CANDLE_LX;
-                format!("{luminance}, {} lx ({} fc)", number_words(lux), number_words(foot_candles as f32))
+                let [lx, fc] = lux_words(lux);
+                format!("{luminance}, {lx} ({fc})")
             }
             None => luminance,
         }
     }
+}
+
+/// Illuminance in lux and in foot-candles.
+fn lux_words(lux: f32) -> [String; 2] {
+    let foot_candles = (f64::from(lux) / FOOT_CANDLE_LX) as f32;
+    [format!("{} lx", number_words(lux)), format!("{} fc", number_words(foot_candles))]
 }
 
 /// A number in a unit, if that has a name.
@@ -279,18 +286,24 @@ fn breakdown_ui(
     for (width, color) in [(3.5, Color32::from_black_alpha(150)), (1.5, theme::ACCENT)] {
         painter.circle_stroke(at, 6.0, Stroke::new(width, color));
     }
+    let width = if shares.iter().any(|share| share.lux.is_some()) { WIDTH + LUX_WIDTH } else { WIDTH };
     // To the left where there is no room to the right.
-    let is_left = at.x + BESIDE + WIDTH + 30.0 > picture.rect.right();
+    let is_left = at.x + BESIDE + width + 30.0 > picture.rect.right();
     let (pivot, x) = if is_left { (Align2::RIGHT_TOP, -BESIDE) } else { (Align2::LEFT_TOP, BESIDE) };
     let area = Area::new(Id::unique("light here")).order(Order::Middle).constrain_to(picture.rect).pivot(pivot);
     let area = area.fixed_pos(pos2(at.x + x, at.y - 24.0));
     area.show(ui.ctx(), |ui| {
         Frame::window(ui.style()).inner_margin(10.0).show(ui, |ui| {
-            ui.set_width(WIDTH);
+            ui.set_width(width);
             heading_ui(ui, (reading, plate.name(reading.px)), probes);
             let total = sum(shares);
-            let lit = shares.iter().filter(|share| share.luminance() > 1e-4 * luminance(total).max(1e-9));
-            let lit: Vec<&Share> = lit.collect();
+            let lux: f32 = shares.iter().filter_map(|share| share.lux).sum();
+            // Light that arrives where nothing sends it on is light, too.
+            let is_lit = |share: &&Share| {
+                share.luminance() > 1e-4 * luminance(total).max(1e-9)
+                    || share.lux.is_some_and(|of_share| of_share > 1e-4 * lux.max(1e-9))
+            };
+            let lit: Vec<&Share> = shares.iter().filter(is_lit).collect();
             let seen = SEEN_ROWS * (ROW + ui.spacing().item_spacing.y);
             let rows = ScrollArea::vertical().id_salt("lights here").max_height(seen).min_scrolled_height(seen);
             rows.auto_shrink([false, true]).show(ui, |ui| {
@@ -346,7 +359,7 @@ fn heading_ui(ui: &mut Ui, (reading, of): (&Reading, Option<&str>), probes: &mut
     ui.separator();
 }
 
-/// A row: color, name, share and luminance over a bar as long as the share. A click chooses the light, unless only the other look of a
+/// A row: color, name, share, luminance and lux over a bar as long as the share. A click chooses the light, unless only the other look of a
 /// comparison has it.
 fn share_ui(
     ui: &mut Ui,
@@ -357,7 +370,9 @@ fn share_ui(
 ) {
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::click());
     let luminance = share.luminance();
-    let value = in_unit(luminance, unit);
+    let lux = share.lux.map(|lux| lux_words(lux.max(0.0)));
+    let value = [Some(in_unit(luminance, unit)), lux.as_ref().map(|[lx, _]| lx.clone())];
+    let value = Vec::from_iter(value.into_iter().flatten()).join(", ");
     let words = format!("{name} {} {value}", percent(luminance, total));
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &words));
     let visuals = ui.style().interact(&response);
@@ -379,7 +394,8 @@ fn share_ui(
     let room = rect.with_max_x(left - 52.0);
     ui.painter_at(room).text(rect.left_center() + vec2(22.0, 0.0), Align2::LEFT_CENTER, name, font, ink);
     let tip = if is_here { "Click to choose it in the list" } else { "A lamp of that look, not among the lights now" };
-    if response.on_hover_text(format!("{name}\n{tip}")).clicked() && is_here {
+    let lux = lux.map_or_else(String::new, |[lx, fc]| format!("\n{lx} ({fc})"));
+    if response.on_hover_text(format!("{name}{lux}\n{tip}")).clicked() && is_here {
         choose(lights, &share.key, Pick::of(ui.input(|input| input.modifiers)));
     }
 }
@@ -427,7 +443,7 @@ mod tests {
 
     #[test]
     fn shares_that_noise_spoiled_are_told() {
-        let share = |light| Share { key: "lamp".into(), radiance: Vec3::splat(light), is_of_scene: true };
+        let share = |light| Share { key: "lamp".into(), radiance: Vec3::splat(light), lux: None, is_of_scene: true };
         let shares = |lights: [f32; 3]| lights.map(share);
         assert_eq!(noise_words(&shares([2.0, 1.0, -0.1])), None);
         assert_eq!(noise_words(&shares([0.0, 0.0, 0.0])), None);

@@ -3,7 +3,7 @@
 use clerestory_transport::basis::{LightBasis, SourceKind};
 use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::{LightRig, LightSetting};
-use eframe::egui::Ui;
+use eframe::egui::{Modifiers, Ui};
 
 use super::LightsState;
 use super::groups::Item;
@@ -89,6 +89,20 @@ impl Mix<'_> {
     pub fn click(&mut self, ui: &Ui, key: &str) {
         let modifiers = ui.input(|input| input.modifiers);
         self.state.selection.click(key, modifiers, &self.order);
+        self.selected(key);
+    }
+
+    /// Arrow keys: the selection goes so many rows down, from the name that has the keyboard or what was touched last. Answers whether
+    /// it did.
+    pub fn step(&mut self, from: Option<&str>, by: isize, modifiers: Modifiers) -> bool {
+        let Some(key) = self.state.selection.step(from, by, modifiers, &self.order) else { return false };
+        self.selected(&key);
+        self.state.scroll_to = Some(key);
+        true
+    }
+
+    /// What was touched in the selection is also the chosen lamp of the picture, if it is one.
+    fn selected(&mut self, key: &str) {
         let is_lamp = self.look.lights.lamps.iter().any(|lamp| lamp.key == key);
         let is_chosen = is_lamp && self.state.selection.has(key);
         self.state.choose_lamp(is_chosen.then(|| key.to_owned()));

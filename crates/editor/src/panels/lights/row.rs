@@ -3,8 +3,8 @@
 use clerestory_transport::basis::SourceKind;
 use clerestory_transport::light::LightSetting;
 use eframe::egui::{
-    self, Align, Button, Color32, Id, Label, Layout, Rect, Response, RichText, Sense, Shape, Ui, UiBuilder, Vec2, pos2,
-    vec2,
+    self, Align, Button, Color32, Id, Label, Layout, Popup, Rect, Response, RichText, Sense, Shape, Ui, UiBuilder,
+    Vec2, pos2, vec2,
 };
 
 use super::columns::{Part, columns_ui};
@@ -168,7 +168,15 @@ pub(super) fn light_response(ui: &Ui, mix: &mut Mix, light: &Listed, name: Respo
     if name.hovered() {
         mix.state.pointed = Some(light.key.clone());
     }
+    if mix.state.focus_next.take_if(|next| *next == light.key).is_some() {
+        name.request_focus();
+    }
     if name.has_focus() {
+        mix.state.focused = Some(light.key.clone());
+        // In a menu that is open the same keys go from item to item.
+        let vertical_arrows = !Popup::is_any_open(ui.ctx());
+        let steps = egui::EventFilter { vertical_arrows, ..egui::EventFilter::default() };
+        ui.memory_mut(|memory| memory.set_focus_lock_filter(name.id, steps));
         ui.painter().rect_stroke(name.rect, 2.0, ui.visuals().selection.stroke, egui::StrokeKind::Outside);
     }
     if name.double_clicked() {
