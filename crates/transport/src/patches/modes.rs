@@ -129,6 +129,9 @@ fn normalize(pictures: &mut [f32], n_lamps: usize) -> Vec<f32> {
     scale
 }
 
+/// Sums that a scalar product is made of side by side.
+const SUMS: usize = 16;
+
 /// Mean over pixels of the products of some lamps' pictures.
 fn gram(pictures: &[f32], n_lamps: usize, lamps: &[usize]) -> Vec<f64> {
     let (n, n_rows) = (lamps.len(), pictures.len() / n_lamps);
@@ -136,14 +139,28 @@ fn gram(pictures: &[f32], n_lamps: usize, lamps: &[usize]) -> Vec<f64> {
         lamps.iter().map(|&lamp| pictures.iter().skip(lamp).step_by(n_lamps).copied().collect()).collect();
     let mut gram = vec![0.0; n * n];
     gram.par_chunks_mut(n.max(1)).enumerate().for_each(|(a, row)| {
-        for (b, out) in row.iter_mut().enumerate() {
-            // Partial sums keep the sum exact.
-            let parts = columns[a].chunks(256).zip(columns[b].chunks(256));
-            let dot = |(x, y): (&[f32], &[f32])| f64::from(x.iter().zip(y).map(|(x, y)| x * y).sum::<f32>());
-            *out = parts.map(dot).sum::<f64>() / n_rows as f64;
+        for (out, column) in row.iter_mut().zip(&columns[..=a]) {
+            *out = scalar_product(&columns[a], column) / n_rows as f64;
         }
     });
+    for a in 0..n {
+        for b in 0..a {
+            gram[b * n + a] = gram[a * n + b];
+        }
+    }
     gram
+}
+
+/// The product of two columns; short sums keep it exact.
+fn scalar_product(x: &[f32], y: &[f32]) -> f64 {
+    let mut sums = [0.0f32; SUMS];
+    let (whole_x, rest_x) = x.as_chunks::<SUMS>();
+    let (whole_y, rest_y) = y.as_chunks::<SUMS>();
+    for (x, y) in whole_x.iter().zip(whole_y) {
+        (0..SUMS).for_each(|k| sums[k] += x[k] * y[k]);
+    }
+    let rest: f64 = rest_x.iter().zip(rest_y).map(|(x, y)| f64::from(x * y)).sum();
+    sums.iter().map(|sum| f64::from(*sum)).sum::<f64>() + rest
 }
 
 /// Sum of the eigenvalues of a matrix.
