@@ -138,6 +138,10 @@ pub(crate) fn fitted<const N: usize>(
 /// Orthonormal right bases of A, of B and of their mean, largest component first, a little wider than what seems to pay.
 fn bases<const N: usize>(means: &Means, sketch: &Sketch, goal: f64, limit: usize) -> [Dense<f32>; N] {
     match sketch {
+        Sketch::Rows if means.is_exact() => {
+            let basis = principal(&means.a.to_f64());
+            array::from_fn(|_| basis.clone())
+        }
         Sketch::Rows => array::from_fn(|i| principal(&[&means.a, &means.b, &means.mean][i].to_f64())),
         Sketch::Columns => refined(means, [&means.a, &means.b], 0, goal, limit),
         Sketch::Landmarks { a, b } => refined(means, [a, b], sketch.n_landmarks(), goal, limit),
@@ -153,13 +157,22 @@ fn refined<const N: usize>(
     goal: f64,
     limit: usize,
 ) -> [Dense<f32>; N] {
+    let worth = |half: &Eigen, cross: &Dense<f64>| {
+        worth(half, cross, least_agreement(means, n_landmarks), 0.125 * goal * means.n_entries())
+    };
+    let width = |worth: usize| (worth + OVERSAMPLING).min(limit + OVERSAMPLING);
+    if means.is_exact() {
+        let own = halves[0].to_f64();
+        let gram = product(own.t(), own.view());
+        let half = eigen(&gram);
+        let basis = stepped(&own, &half, width(worth(&half, &gram)), &means.a);
+        return array::from_fn(|_| basis.clone());
+    }
     let [a, b] = halves.map(Dense::to_f64);
     let cross = product(a.t(), b.view());
     let grams = [&a, &b].map(|half| product(half.t(), half.view()));
     let [half_a, half_b] = grams.each_ref().map(eigen);
-    let worth =
-        |half: &Eigen| worth(half, &cross, least_agreement(means, n_landmarks), 0.125 * goal * means.n_entries());
-    let width = (worth(&half_a).max(worth(&half_b)) + OVERSAMPLING).min(limit + OVERSAMPLING);
+    let width = width(worth(&half_a, &cross).max(worth(&half_b, &cross)));
     let mut all = vec![(&a, half_a, &means.a), (&b, half_b, &means.b)];
     let mut mean = Dense::zeros(0, 0);
     if N > all.len() {
@@ -167,11 +180,13 @@ fn refined<const N: usize>(
         mean.data.iter_mut().zip(&b.data).for_each(|(x, y)| *x = 0.5 * (*x + y));
         all.push((&mean, eigen(&mean_gram(&grams, &cross)), &means.mean));
     }
-    array::from_fn(|i| {
-        let (own, half, rows) = &all[i];
-        let once = principal(&combinations(&range(own, half, width), rows).to_f64());
-        principal(&power_step(rows, &once).to_f64())
-    })
+    array::from_fn(|i| stepped(all[i].0, &all[i].1, width, all[i].2))
+}
+
+/// The two steps of one half, or of the mean, from its coefficients.
+fn stepped(own: &Dense<f64>, half: &Eigen, width: usize, rows: &Dense<f32>) -> Dense<f32> {
+    let once = principal(&combinations(&range(own, half, width), rows).to_f64());
+    principal(&power_step(rows, &once).to_f64())
 }
 
 /// The Gram matrix of the mean of two halves, from theirs and the one between them.
@@ -224,6 +239,10 @@ fn signals(vectors: &Dense<f64>, cross: &Dense<f64>) -> Vec<f64> {
 
 /// Both halves met with all bases at once: reading the halves is what costs.
 fn fits<const N: usize>(means: &Means, bases: [Dense<f32>; N], n_landmarks: usize) -> [Fit; N] {
+    if means.is_exact() {
+        let met = coefficients(&means.a, &bases[0]);
+        return bases.map(|basis| Fit { basis, a: met.clone(), b: met.clone(), n_landmarks });
+    }
     let mut all = Dense::zeros(0, means.mean.n_cols);
     for basis in &bases {
         all.data.extend_from_slice(&basis.data);
@@ -237,4 +256,37 @@ fn fits<const N: usize>(means: &Means, bases: [Dense<f32>; N], n_landmarks: usiz
         let [a, b] = [&with_a, &with_b].map(|with| with.cols(columns.clone()));
         Fit { basis, a, b, n_landmarks }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{dense::tests::random, product::product};
+
+    /// Three bundles of rows tell a block of a dozen components; both halves are the same.
+    fn exact() -> Means {
+        let mut rng = Random::new([41, 0]);
+        let (left, right) = (random(300, 12, &mut rng), random(12, 80, &mut rng));
+        let values = product(left.view(), right.view());
+        let mut means = Means::default();
+        means.fill([&values.data, &values.data], 80, &(0..80), [1; 2]).unwrap();
+        means
+    }
+
+    #[test]
+    fn halves_that_are_the_same_are_decomposed_once_with_the_same_result() {
+        let fits = |means: &Means| -> [Fit; 3] {
+            let tolerance = Tolerance::RelativeFrobenius(1e-3);
+            fitted(means, 3, tolerance, &CompressConfig::default(), Random::new([1, 2]))
+        };
+        let mut means = exact();
+        assert!(means.is_exact());
+        let once = fits(&means);
+        means.noise[0] = f64::MIN_POSITIVE;
+        assert!(!means.is_exact());
+        for (once, each) in once.iter().zip(&fits(&means)) {
+            assert!(once.basis.n_rows >= 12 && once.basis == each.basis, "{} components", once.basis.n_rows);
+            assert!(once.a == each.a && once.b == each.b);
+        }
+    }
 }
