@@ -3,8 +3,9 @@
 use std::ops::Range;
 
 use crate::{
+    basis::extend_basis,
     compress::CompressConfig,
-    dense::{Dense, add_scaled, dot, eigen, extend_basis},
+    dense::{Dense, add_scaled, dot, eigen},
     landmarks::{Candidates, choose_from},
     means::Means,
     product::{coefficients, product},

@@ -9,8 +9,9 @@
 use std::array;
 
 use crate::{
+    basis::extend_basis,
     compress::{ColumnGroup, CompressConfig, Tolerance, shade},
-    dense::{Dense, dot, eigen, extend_basis},
+    dense::{Dense, dot, eigen},
     fit::Fit,
     means::Means,
     measure::{Measured, least_agreement},
