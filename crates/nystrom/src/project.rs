@@ -27,6 +27,8 @@ use crate::{
 const OVERSAMPLING: usize = 4;
 /// Dimensions of a span from which on it is narrowed before it is decomposed.
 const MANY: usize = 48;
+/// Widths that are tried for it, over its own.
+const WIDTHS: [f64; 2] = [0.4, 0.6];
 /// Share of the mean-square goal that narrowing may lose.
 const NARROWING: f64 = 0.125;
 /// Share of the energy up to which a difference of energies in single precision has hardly a digit left.
@@ -161,23 +163,32 @@ fn bases<const N: usize>(means: &Means, sketch: &Sketch, goal: f64, limit: usize
 }
 
 /// Coefficients of both halves in a narrower span, if that holds practically all that they have in common: what a span costs
-/// grows with the third power of its dimensions. One step of a power iteration from random vectors finds it \[Halko2011\].
+/// grows with the third power of its dimensions. Steps of a power iteration from random vectors find it \[Halko2011\].
 fn narrowed(means: &Means, [a, b]: [&Dense<f32>; 2], goal: f64, rng: &mut Random) -> Option<[Dense<f32>; 2]> {
     let (n_wide, enough) = (a.n_cols, NARROWING * goal * means.n_entries());
-    let energy = common(a, b);
-    if n_wide < MANY || enough < ROUNDING * energy {
+    let mut lost = common(a, b);
+    if n_wide < MANY || enough < ROUNDING * lost {
         return None;
     }
-    let n_narrow = (2 * n_wide / 5).next_multiple_of(WIDE);
-    let data = (0..n_narrow * n_wide).map(|_| rng.unit() as f32 - 0.5).collect();
-    let start = Dense { n_rows: n_narrow, n_cols: n_wide, data };
+    let mean = (!means.is_exact()).then(|| mean_of(a, b));
     let mut basis = Dense::zeros(0, n_wide);
-    let is_exact = means.is_exact();
-    let step = if is_exact { power_step(a, &start) } else { power_step(&mean_of(a, b), &start) };
-    extend_basis(&mut basis, step);
-    let narrow_a = coefficients(a, &basis);
-    let narrow_b = if is_exact { narrow_a.clone() } else { coefficients(b, &basis) };
-    (energy - common(&narrow_a, &narrow_b) <= enough).then_some([narrow_a, narrow_b])
+    let mut found: [Vec<Dense<f32>>; 2] = Default::default();
+    for width in WIDTHS.map(|width| (width * n_wide as f64) as usize).map(|width| width.next_multiple_of(WIDE)) {
+        let n_before = basis.n_rows;
+        let data = (n_before * n_wide..width * n_wide).map(|_| rng.unit() as f32 - 0.5).collect();
+        let start = Dense { n_rows: width - n_before, n_cols: n_wide, data };
+        extend_basis(&mut basis, power_step(mean.as_ref().unwrap_or(a), &start));
+        let new = basis.gather_rows(n_before..basis.n_rows);
+        let of_a = coefficients(a, &new);
+        let of_b = if mean.is_some() { coefficients(b, &new) } else { of_a.clone() };
+        lost -= common(&of_a, &of_b);
+        found[0].push(of_a);
+        found[1].push(of_b);
+        if lost <= enough {
+            return Some(found.map(|parts| Dense::side_by_side(&parts, a.n_rows)));
+        }
+    }
+    None
 }
 
 fn mean_of(a: &Dense<f32>, b: &Dense<f32>) -> Dense<f32> {
@@ -336,11 +347,12 @@ mod tests {
         let (left, right) = (random(300, 12, &mut rng), random(12, 60, &mut rng));
         let mut wide = product(left.view(), right.view());
         wide.data.iter_mut().zip(random(300, 60, &mut rng).data).for_each(|(x, other)| *x += 0.01 * other);
-        let mut narrow = |goal: f64| narrowed(&means, [&wide, &wide], goal, &mut rng);
-        let [a, b] = narrow(1e-3).unwrap();
+        let [a, b] = narrowed(&means, [&wide, &wide], 1e-3, &mut rng).unwrap();
         assert!(a.n_cols == 32 && a == b, "{} dimensions", a.n_cols);
         let lost = common(&wide, &wide) - common(&a, &b);
         assert!(lost.abs() < 2.0, "{lost} of {}", common(&wide, &wide));
-        assert!(narrow(1e-4).is_none() && narrow(0.0).is_none());
+        assert!(narrowed(&means, [&wide, &wide], 0.0, &mut rng).is_none());
+        let flat = random(300, 60, &mut rng);
+        assert!(narrowed(&means, [&flat, &flat], 1e-3, &mut rng).is_none());
     }
 }
