@@ -1,7 +1,7 @@
 //! Factors in the form of a singular value decomposition, whoever made them: what is stored of each component is then worth
 //! its singular value, and no product of two components is stored twice.
 
-use half::f16;
+use half::{f16, slice::HalfFloatSliceExt};
 
 use crate::{
     dense::{Dense, eigen},
@@ -43,9 +43,15 @@ impl Orthogonal {
 #[expect(clippy::arithmetic_side_effects, reason = "a value of a component: there is one")]
 pub(super) fn both(factors: &BlockFactors) -> (Dense<f64>, Dense<f64>) {
     let (m, n, k) = (factors.n_rows as usize, factors.n_cols as usize, factors.rank as usize);
-    let scaled = |(i, x): (usize, &f16)| x.to_f64() * f64::from(factors.scale[i % k]);
-    let left = factors.left.iter().enumerate().map(scaled).collect();
-    let right = factors.right.iter().map(|x| x.to_f64()).collect();
+    let wide = |halves: &[f16]| {
+        let mut values = vec![0.0; halves.len()];
+        halves.convert_to_f64_slice(&mut values);
+        values
+    };
+    let (mut left, right) = (wide(&factors.left), wide(&factors.right));
+    for row in left.chunks_exact_mut(k.max(1)) {
+        row.iter_mut().zip(&factors.scale).for_each(|(x, scale)| *x *= f64::from(*scale));
+    }
     (Dense { n_rows: m, n_cols: k, data: left }, Dense { n_rows: k, n_cols: n, data: right })
 }
 
