@@ -72,8 +72,8 @@ fn extend(basis: &mut Dense<f32>, mut new: Dense<f32>) {
 #[inline(always)]
 fn squares(rows: &Dense<f32>) -> Vec<f32> {
     let mut squares = vec![0.0; rows.n_rows];
-    for row in 0..rows.n_rows {
-        squares[row] = dot(rows.row(row), rows.row(row));
+    for (row, square) in squares.iter_mut().enumerate() {
+        *square = dot(rows.row(row), rows.row(row));
     }
     squares
 }

@@ -40,7 +40,6 @@ impl Orthogonal {
 }
 
 /// `left · diag(scale)` and `right` in double precision.
-#[expect(clippy::arithmetic_side_effects, reason = "a value of a component: there is one")]
 pub(super) fn both(factors: &BlockFactors) -> (Dense<f64>, Dense<f64>) {
     let (m, n, k) = (factors.n_rows as usize, factors.n_cols as usize, factors.rank as usize);
     let wide = |halves: &[f16]| {
