@@ -7,8 +7,6 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DMatrixView, Dyn, RealField, SymmetricEigen};
 
-use crate::product::{coefficients, product};
-
 /// A row-major matrix, rows × columns.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Dense<T> {
@@ -138,6 +136,7 @@ impl<'a, T: RealField + Copy> View<'a, T> {
 }
 
 /// Scalar product, in eight partial sums (the order of which is fixed).
+#[inline(always)]
 pub(crate) fn dot<T: RealField + Copy>(a: &[T], b: &[T]) -> T {
     let mut sums = [T::zero(); 8];
     let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
@@ -151,6 +150,7 @@ pub(crate) fn dot<T: RealField + Copy>(a: &[T], b: &[T]) -> T {
 }
 
 /// `out += factor · x`.
+#[inline(always)]
 pub(crate) fn add_scaled<T: RealField + Copy>(out: &mut [T], factor: T, x: &[T]) {
     for (out, &x) in out.iter_mut().zip(x) {
         *out += factor * x;
@@ -174,48 +174,6 @@ pub(crate) fn eigen(gram: &Dense<f64>) -> (Vec<f64>, Dense<f64>) {
     (values, Dense { n_rows: k, n_cols: order.len(), data })
 }
 
-/// Adds an orthonormal basis of what the rows of `new` add to the span of the rows of `basis`.
-///
-/// Gram–Schmidt with pivoting, "twice is enough" \[Giraud2005\]: the largest rest is taken next, so duplicates and zero rows
-/// fall out and no intersection matrix is ever inverted. Rests below `1e-6` of their own row or below `3e-7` of the largest new
-/// row are rounding, and count as zero.
-pub(crate) fn extend_basis(basis: &mut Dense<f32>, mut new: Dense<f32>) {
-    let norm = |row: &[f32]| dot(row, row);
-    let whole: Vec<f32> = (0..new.n_rows).map(|row| norm(new.row(row))).collect();
-    let floor = 1e-13 * whole.iter().fold(0.0, |largest: f32, &x| largest.max(x));
-    for _ in 0..if basis.n_rows > 0 { 2 } else { 0 } {
-        let inside = product(coefficients(&new, basis).view(), basis.view());
-        add_scaled(&mut new.data, -1.0, &inside.data);
-    }
-    for _ in 0..new.n_rows {
-        let rests = (0..new.n_rows).map(|row| (row, norm(new.row(row))));
-        let told = rests.filter(|&(row, rest)| rest > floor.max(1e-12 * whole[row]));
-        let Some((pivot, _)) = told.max_by(|x, y| x.1.total_cmp(&y.1)) else { return };
-        if basis.n_rows == basis.n_cols {
-            return;
-        }
-        let mut direction = new.row(pivot).to_vec();
-        normalize(&mut direction);
-        for row in 0..basis.n_rows {
-            let part = dot(&direction, basis.row(row));
-            add_scaled(&mut direction, -part, basis.row(row));
-        }
-        normalize(&mut direction);
-        for row in 0..new.n_rows {
-            let part = dot(&direction, new.row(row));
-            add_scaled(new.row_mut(row), -part, &direction);
-        }
-        new.row_mut(pivot).fill(0.0);
-        basis.data.extend(direction);
-        basis.n_rows += 1;
-    }
-}
-
-fn normalize(row: &mut [f32]) {
-    let scale = 1.0 / dot(row, row).sqrt();
-    row.iter_mut().for_each(|x| *x *= scale);
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
@@ -223,21 +181,5 @@ pub(crate) mod tests {
 
     pub(crate) fn random(n_rows: usize, n_cols: usize, rng: &mut Random) -> Dense<f32> {
         Dense { n_rows, n_cols, data: (0..n_rows * n_cols).map(|_| rng.normal()).collect() }
-    }
-
-    #[test]
-    fn a_basis_is_orthonormal_and_free_of_duplicates_and_zeros() {
-        let mut rng = Random::new([3, 4]);
-        let mut rows = random(20, 50, &mut rng);
-        rows.data.copy_within(0..50, 50);
-        rows.row_mut(7).fill(0.0);
-        let mut basis = Dense::zeros(0, 50);
-        extend_basis(&mut basis, rows.clone());
-        extend_basis(&mut basis, rows);
-        assert_eq!(basis.n_rows, 18);
-        let gram = product(basis.view(), basis.t());
-        for (i, x) in gram.data.iter().enumerate() {
-            assert!((x - if i % 19 == 0 { 1.0 } else { 0.0 }).abs() < 2e-6, "{i}: {x}");
-        }
     }
 }

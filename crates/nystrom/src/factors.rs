@@ -1,6 +1,6 @@
 //! The compressed form of one block: `left · diag(scale) · right + sparse`.
 
-use half::f16;
+use half::{f16, slice::HalfFloatSliceExt};
 
 use crate::matrix::SparseEntry;
 
@@ -62,7 +62,9 @@ impl BlockFactors {
         let left_exponents = exponents_of_columns(left, rank);
         let right_exponents: Vec<i32> = right.chunks(n_cols.max(1)).map(|row| exponent(row.iter())).collect();
         factors.left = scaled_columns(left, &left_exponents);
-        factors.right = right.iter().enumerate().map(|(i, &x)| scaled(x, -right_exponents[i / n_cols])).collect();
+        let rows = right.chunks(n_cols.max(1)).zip(&right_exponents);
+        let rows = rows.map(|(row, exponent)| (row, power_of_two(-exponent)));
+        factors.right = rounded(rows.flat_map(|(row, power)| row.iter().map(move |&x| f64::from(x) * power)));
         factors.scale = (0..rank).map(|r| scale(left_exponents[r] + right_exponents[r])).collect();
         factors
     }
@@ -196,7 +198,9 @@ fn scale(exponent: i32) -> f32 {
 
 /// A row-major matrix with each column divided by a power of two.
 fn scaled_columns(values: &[f32], exponents: &[i32]) -> Vec<f16> {
-    values.iter().enumerate().map(|(i, &x)| scaled(x, -exponents[i % exponents.len()])).collect()
+    let powers: Vec<f64> = exponents.iter().map(|exponent| power_of_two(-exponent)).collect();
+    let rows = values.chunks(powers.len().max(1));
+    rounded(rows.flat_map(|row| row.iter().zip(&powers)).map(|(&x, power)| f64::from(x) * power))
 }
 
 /// The exponent of the largest magnitude: dividing by its power of two brings it into [1, 2). 0 if all are zero.
@@ -205,9 +209,12 @@ fn exponent<'a>(values: impl Iterator<Item = &'a f32>) -> i32 {
     if largest > 0.0 && largest.is_finite() { f64::from(largest).log2().floor() as i32 } else { 0 }
 }
 
-/// `x · 2^exponent`, rounded to `f16`.
-fn scaled(x: f32, exponent: i32) -> f16 {
-    f16::from_f64(f64::from(x) * power_of_two(exponent))
+/// Numbers of eleven bits. What single precision does not hold of those that are told is far below the least of them.
+fn rounded(values: impl Iterator<Item = f64>) -> Vec<f16> {
+    let values: Vec<f32> = values.map(|x| x as f32).collect();
+    let mut halves = vec![f16::ZERO; values.len()];
+    halves.convert_from_f32_slice(&values);
+    halves
 }
 
 /// 2^exponent for any exponent that products of two `f32` have.

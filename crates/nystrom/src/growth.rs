@@ -3,8 +3,9 @@
 use std::ops::Range;
 
 use crate::{
+    basis::extend_basis,
     compress::CompressConfig,
-    dense::{Dense, add_scaled, dot, eigen, extend_basis},
+    dense::{Dense, add_scaled, dot, eigen},
     landmarks::{Candidates, choose_from},
     means::Means,
     product::{coefficients, product},
@@ -176,7 +177,8 @@ impl<'a> Growth<'a> {
     /// Coefficients of all rows of both halves in the new part of the basis.
     fn project(&mut self, n_before: usize) {
         let new = self.basis.gather_rows(n_before..self.basis.n_rows);
-        let [a, b] = [&self.means.a, &self.means.b].map(|half| coefficients(half, &new));
+        let a = coefficients(&self.means.a, &new);
+        let b = if self.means.is_exact() { a.clone() } else { coefficients(&self.means.b, &new) };
         for (row, rest) in self.rest.iter_mut().enumerate() {
             *rest -= f64::from(dot(a.row(row), b.row(row)));
         }

@@ -1,4 +1,8 @@
 //! Weighted k-means with k-means++ seeds \[Arthur2007\]; what is asked for are members, not means.
+#![cfg_attr(
+    target_arch = "x86_64",
+    expect(unsafe_code, reason = "AVX2 behind run-time detection; `plain` is the safe twin with the same results")
+)]
 
 use crate::{
     dense::{Dense, add_scaled},
@@ -17,6 +21,26 @@ pub(crate) fn representatives<T: Real>(
     count: usize,
     rng: &mut Random,
 ) -> Vec<usize> {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: AVX2 was found.
+        return unsafe { avx2(points, weights, count, rng) };
+    }
+    plain(points, weights, count, rng)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn avx2<T: Real>(points: &Dense<T>, weights: &[f32], count: usize, rng: &mut Random) -> Vec<usize> {
+    clustered(points, weights, count, rng)
+}
+
+fn plain<T: Real>(points: &Dense<T>, weights: &[f32], count: usize, rng: &mut Random) -> Vec<usize> {
+    clustered(points, weights, count, rng)
+}
+
+#[inline(always)]
+fn clustered<T: Real>(points: &Dense<T>, weights: &[f32], count: usize, rng: &mut Random) -> Vec<usize> {
     let mut centers = seeds(points, weights, count, rng);
     if centers.n_rows == 0 {
         return Vec::new();
@@ -40,6 +64,7 @@ pub(crate) fn representatives<T: Real>(
 }
 
 /// k-means++: each further seed with a probability that grows with its squared distance from the seeds before it.
+#[inline(always)]
 fn seeds<T: Real>(points: &Dense<T>, weights: &[f32], count: usize, rng: &mut Random) -> Dense<T> {
     let mut centers = Dense::zeros(0, points.n_cols);
     let mut chances: Vec<f64> = weights.iter().map(|&w| f64::from(w)).collect();
@@ -71,6 +96,7 @@ fn pick(chances: &[f64], rng: &mut Random) -> Option<usize> {
 }
 
 /// A cluster without weight keeps its center.
+#[inline(always)]
 fn move_to_means<T: Real>(points: &Dense<T>, weights: &[f32], cluster: &[usize], centers: &mut Dense<T>) {
     let mut sums = Dense::zeros(centers.n_rows, centers.n_cols);
     let mut totals = vec![T::zero(); centers.n_rows];
@@ -84,6 +110,7 @@ fn move_to_means<T: Real>(points: &Dense<T>, weights: &[f32], cluster: &[usize],
     }
 }
 
+#[inline(always)]
 fn nearest<T: Real>(point: &[T], centers: &Dense<T>) -> usize {
     let mut best = (T::nearest(f64::INFINITY), 0);
     for k in 0..centers.n_rows {
@@ -95,6 +122,7 @@ fn nearest<T: Real>(point: &[T], centers: &Dense<T>) -> usize {
     best.1
 }
 
+#[inline(always)]
 fn distance_squared<T: Real>(a: &[T], b: &[T]) -> T {
     let mut sums = [T::zero(); 8];
     let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
@@ -137,7 +165,11 @@ mod tests {
     fn the_key_alone_decides() {
         let mut rng = Random::new([7, 0]);
         let points = Dense { n_rows: 200, n_cols: 11, data: (0..2200).map(|_| rng.normal()).collect() };
-        let chosen = |key| representatives(&points, &[1.0; 200], 12, &mut Random::new([key, 1]));
+        let chosen = |key| {
+            let chosen = representatives(&points, &[1.0; 200], 12, &mut Random::new([key, 1]));
+            assert_eq!(chosen, plain(&points, &[1.0; 200], 12, &mut Random::new([key, 1])));
+            chosen
+        };
         assert_eq!(chosen(1), chosen(1));
         assert_ne!(chosen(1), chosen(2));
     }

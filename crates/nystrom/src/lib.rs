@@ -51,6 +51,7 @@
 //! # Ok::<(), CompressError>(())
 //! ```
 
+mod basis;
 pub mod bounded;
 pub mod codec;
 mod column_errors;

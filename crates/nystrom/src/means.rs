@@ -85,6 +85,11 @@ impl Means {
         }
     }
 
+    /// Whether the halves are one and the same, up to what rounding hides: then so is all that is found in them.
+    pub(crate) fn is_exact(&self) -> bool {
+        self.noise.iter().all(|&noise| noise == 0.0)
+    }
+
     /// Mean square per entry of the noise of the mean.
     pub(crate) fn noise_per_entry(&self) -> f64 {
         self.noise.iter().sum::<f64>() / self.n_entries()

@@ -38,6 +38,8 @@ pub(crate) struct Measured {
 
 /// What two fits have in common, component by component, each in the order in which it keeps them.
 struct Pair<'a> {
+    /// Whether both fits are one and the same, see [`Means::is_exact`].
+    is_one: bool,
     fits: [&'a Fit; 2],
     /// Those first that the other half confirms.
     orders: [Vec<usize>; 2],
@@ -53,7 +55,7 @@ impl Measured {
     /// The components that pay, at most `limit`; with a goal no more than bring the truncation within half of it.
     pub(crate) fn new(means: &Means, of_a: &Fit, of_b: &Fit, limit: usize, goal: Option<f64>) -> Self {
         let agreement = least_agreement(means, of_a.n_landmarks);
-        let pair = Pair::new(of_a, of_b, agreement);
+        let pair = Pair::new(means, of_a, of_b, agreement);
         let mut rank = pair.n_confirmed(agreement).min(limit);
         let left_out = pair.left_out(means);
         let half_of_goal = goal.map(|goal| 0.5 * goal * means.n_entries());
@@ -85,14 +87,14 @@ pub(crate) fn held_out([a, b]: [&Dense<f32>; 2], [f, g]: &[Dense<f32>; 2]) -> [f
 }
 
 impl<'a> Pair<'a> {
-    fn new(of_a: &'a Fit, of_b: &'a Fit, agreement: f64) -> Self {
+    fn new(means: &Means, of_a: &'a Fit, of_b: &'a Fit, agreement: f64) -> Self {
         let left = product(of_a.a.to_f64().t(), of_b.b.to_f64().view());
         let right = product(of_a.basis.to_f64().view(), of_b.basis.to_f64().t());
         let between = Dense { data: left.data.iter().zip(&right.data).map(|(x, y)| x * y).collect(), ..left };
         let ([own_a, _], [_, own_b]) = (of_a.own(), of_b.own());
         let (shared, own) = ([of_a.shared(), of_b.shared()], [own_a, own_b]);
         let orders = [0, 1].map(|i| front(own[i].len(), |r| shared[i][r] > agreement * own[i][r]));
-        Self { fits: [of_a, of_b], orders, shared, own, between }
+        Self { is_one: means.is_exact(), fits: [of_a, of_b], orders, shared, own, between }
     }
 
     /// How many components of either half the other one confirms.
@@ -132,8 +134,9 @@ impl<'a> Pair<'a> {
         let energy: f64 = means.cross.iter().sum();
         let mut outside = energy - sums[0];
         if outside.abs() < ROUNDING * energy.abs() {
-            let [a, b] = [&means.a, &means.b];
-            outside = inner_product(&minus(a, &self.fit(0, width)), &minus(b, &self.fit(1, width)));
+            let rest_a = minus(&means.a, &self.fit(0, width));
+            let rest_b = (!self.is_one).then(|| minus(&means.b, &self.fit(1, width)));
+            outside = inner_product(&rest_a, rest_b.as_ref().unwrap_or(&rest_a));
         }
         move |rank| outside + sums[rank.min(width)]
     }
@@ -145,6 +148,9 @@ impl<'a> Pair<'a> {
 
     /// ‖F − G‖² of a rank; `fitted` is ‖F‖² + ‖G‖².
     fn difference(&self, rank: usize, fitted: f64) -> f64 {
+        if self.is_one {
+            return 0.0;
+        }
         let common: f64 = (0..rank).flat_map(|r| (0..rank).map(move |s| (r, s))).map(|(r, s)| self.between(r, s)).sum();
         let difference = fitted - 2.0 * common;
         if difference.abs() >= ROUNDING * fitted {

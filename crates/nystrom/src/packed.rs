@@ -37,7 +37,7 @@ use self::{
     coder::{Counter, Decoder, Encoder},
     kept::{Kept, product_with},
     layout::Layout,
-    orthogonal::{both, squared_difference},
+    orthogonal::{both, energy, squared_difference},
     quantize::{Coefficients, Rounded, quarters_between, restore, step_of},
     tables::Tables,
 };
@@ -214,6 +214,8 @@ struct Packer<'a> {
 struct Unrounded<'a> {
     block_idx: usize,
     factors: &'a BlockFactors,
+    /// Sum of the squares of what the factors hold.
+    energy: f64,
     coefficients: Coefficients,
     /// Its product with the direction.
     kept: Vec<f64>,
@@ -242,7 +244,8 @@ impl<'a> Packer<'a> {
         let own_error = f64::from(factors.error.truncation.max(0.0) + factors.error.sampling.max(0.0));
         let shade = shade(coefficients.mean_square(), self.plan.bright);
         let allowed = (f64::from(self.plan.allowed) * shade).max(OF_HALVES * coefficients.mean_square());
-        Some(Unrounded { block_idx, factors, coefficients, kept, own_error, shade, allowed })
+        let energy = energy(factors);
+        Some(Unrounded { block_idx, factors, energy, coefficients, kept, own_error, shade, allowed })
     }
 
     /// The coarsest step for which some blocks together stay within their budgets; `None` where none has components.
@@ -289,7 +292,7 @@ impl<'a> Packer<'a> {
 
     /// A block for a step, and the mean square error that this adds.
     fn round(&self, block: &Unrounded<'_>, step: f32) -> (Vec<Rounded>, Option<Kept>, f64) {
-        let Unrounded { block_idx, factors, coefficients, .. } = block;
+        let Unrounded { block_idx, factors, energy, coefficients, .. } = block;
         let (components, direction) = (coefficients.round(step), &self.direction);
         let mut plain = restore(&components, step, *block_idx, self.layout);
         let mut kept = None;
@@ -300,7 +303,7 @@ impl<'a> Packer<'a> {
         if let Some(kept) = &kept {
             kept.restore(&mut plain, direction, *block_idx, self.layout);
         }
-        let squared = squared_difference(factors, &plain.factors(*block_idx, self.layout));
+        let squared = squared_difference((factors, *energy), &plain.factors(*block_idx, self.layout));
         (components, kept, squared / coefficients.n_entries().max(1.0))
     }
 

@@ -29,20 +29,24 @@ pub(crate) fn preserve(
         return [0.0; 2];
     }
     let unit: Vec<f64> = direction.iter().map(|&x| f64::from(x) / norm).collect();
+    let sampled = [&means.a, &means.b].map(|half| product(half, &unit));
     let mut change = Change::new(fit, &unit, unit.clone());
-    let mut added = change.added(means, fit, &unit);
+    let mut added = change.added(means, fit, &sampled);
     if goal > 0.0 && added.iter().sum::<f64>() > goal {
         change = Change::new(fit, &unit, beside_noise(means, &unit, goal));
-        added = change.added(means, fit, &unit);
+        added = change.added(means, fit, &sampled);
     }
     if change.share >= LEAST_SHARE {
-        change.make(means, [left, doubt], &unit);
+        change.make(means, [left, doubt], &sampled);
         return added;
     }
     let [truncation, sampling] = append(means, fit, [&mut *left, &mut *doubt], &change);
-    let spread = Change::new(fit, &unit, change.row).make(means, [left, doubt], &unit);
+    let spread = Change::new(fit, &unit, change.row).make(means, [left, doubt], &sampled);
     [truncation, sampling + spread]
 }
+
+/// Of each row in both halves the product with the direction.
+type Products = [Vec<f64>; 2];
 
 /// What a row gets for each unit of the product that it lacks.
 struct Change {
@@ -69,13 +73,13 @@ impl Change {
         inner(self.held.iter().copied(), &self.held) / (self.share * self.share)
     }
 
-    /// Mean squares per entry that it adds; infinite where the basis holds nothing of it.
-    fn added(&self, means: &Means, fit: &Fit, unit: &[f64]) -> Added {
+    /// Mean squares per entry that it adds, from the products of both halves' rows with the direction; infinite where the basis
+    /// holds nothing of it.
+    fn added(&self, means: &Means, fit: &Fit, [a, b]: &Products) -> Added {
         let mut added = [0.0; 2];
         for row in 0..means.mean.n_rows {
-            let lacks =
-                |half: &Dense<f32>, of_half: &Dense<f32>| dot(half.row(row), unit) - dot(of_half.row(row), &self.along);
-            let (of_a, of_b) = (lacks(&means.a, &fit.a), lacks(&means.b, &fit.b));
+            let of_a = a[row] - dot(fit.a.row(row), &self.along);
+            let of_b = b[row] - dot(fit.b.row(row), &self.along);
             added[0] += of_a * of_b;
             added[1] += 0.25 * (of_a - of_b).powi(2);
         }
@@ -83,12 +87,12 @@ impl Change {
     }
 
     /// Gives all rows what they lack, and says what mean square per entry that is.
-    fn make(&self, means: &Means, [left, doubt]: [&mut Dense<f32>; 2], unit: &[f64]) -> f64 {
+    fn make(&self, means: &Means, [left, doubt]: [&mut Dense<f32>; 2], [a, b]: &Products) -> f64 {
         let mut squares = 0.0;
         for row in 0..left.n_rows {
-            let lacks = dot(means.mean.row(row), unit) - dot(left.row(row), &self.along);
+            let lacks = 0.5 * (a[row] + b[row]) - dot(left.row(row), &self.along);
             self.give(lacks, left.row_mut(row));
-            let noise = 0.5 * (dot(means.a.row(row), unit) - dot(means.b.row(row), unit));
+            let noise = 0.5 * (a[row] - b[row]);
             self.give(noise - dot(doubt.row(row), &self.along), doubt.row_mut(row));
             squares += lacks * lacks;
         }
@@ -125,8 +129,7 @@ fn append(means: &Means, fit: &mut Fit, [left, doubt]: [&mut Dense<f32>; 2], cha
     }
     let norm = inner(lacking.iter().copied(), &lacking).sqrt();
     lacking.iter_mut().for_each(|x| *x /= norm);
-    let [a, b] = [&means.a, &means.b]
-        .map(|half| -> Vec<f64> { (0..half.n_rows).map(|row| dot(half.row(row), &lacking)).collect() });
+    let [a, b] = [&means.a, &means.b].map(|half| product(half, &lacking));
     fit.basis.data.extend(lacking.iter().map(|&x| x as f32));
     fit.basis.n_rows += 1;
     let mut added = [0.0; 2];
@@ -137,6 +140,11 @@ fn append(means: &Means, fit: &mut Fit, [left, doubt]: [&mut Dense<f32>; 2], cha
     widen(left, a.iter().zip(&b).map(|(a, b)| 0.5 * (a + b)));
     widen(doubt, a.iter().zip(&b).map(|(a, b)| 0.5 * (a - b)));
     added.map(|sum| sum / means.n_entries())
+}
+
+/// The product of each row with a vector.
+fn product(rows: &Dense<f32>, x: &[f64]) -> Vec<f64> {
+    (0..rows.n_rows).map(|row| dot(rows.row(row), x)).collect()
 }
 
 /// Adds a last column.

@@ -10,41 +10,65 @@ use nalgebra::{DMatrixViewMut, RealField};
 
 use crate::{
     dense::{Dense, View, add_scaled, dot},
-    vector::{TALL, WIDE, add_combinations, scalar_products},
+    vector::{LANES, TALL, WIDE, add_combinations, scalar_products},
 };
 
 /// `rows · basisᵀ`: the coefficients of each row in a basis of row vectors.
 pub(crate) fn coefficients(rows: &Dense<f32>, basis: &Dense<f32>) -> Dense<f32> {
     assert!(rows.n_cols == basis.n_cols, "rows of {} and {} columns", rows.n_cols, basis.n_cols);
     let mut out = Dense::zeros(rows.n_rows, basis.n_rows);
-    for (columns, vectors) in few_at_a_time(basis) {
-        for row in (0..rows.n_rows).step_by(TALL) {
-            let products = scalar_products(tile(rows, row), &vectors);
-            for (row, products) in (row..rows.n_rows).zip(&products) {
-                out.row_mut(row)[columns.clone()].copy_from_slice(&products[..columns.len()]);
-            }
+    for columns in few_at_a_time(basis.n_rows) {
+        match columns.len() {
+            ..=LANES => few_coefficients::<LANES>(rows, basis, columns, &mut out),
+            _ => few_coefficients::<WIDE>(rows, basis, columns, &mut out),
         }
     }
     out
+}
+
+fn few_coefficients<const N: usize>(
+    rows: &Dense<f32>,
+    basis: &Dense<f32>,
+    columns: Range<usize>,
+    out: &mut Dense<f32>,
+) {
+    let vectors = side_by_side::<N>(basis, &columns);
+    for row in (0..rows.n_rows).step_by(TALL) {
+        let products = scalar_products(tile(rows, row), &vectors);
+        for (row, products) in (row..rows.n_rows).zip(&products) {
+            out.row_mut(row)[columns.clone()].copy_from_slice(&products[..columns.len()]);
+        }
+    }
 }
 
 /// `weightsᵀ · rows`: one combination of all rows per column of the weights.
 pub(crate) fn combinations(weights: &Dense<f32>, rows: &Dense<f32>) -> Dense<f32> {
     assert!(weights.n_rows == rows.n_rows, "{} weights for {} rows", weights.n_rows, rows.n_rows);
     let mut out = Dense::zeros(weights.n_cols, rows.n_cols);
-    for first in (0..weights.n_cols).step_by(WIDE) {
-        let columns = first..weights.n_cols.min(first + WIDE);
-        let mut sums = vec![[0.0; WIDE]; rows.n_cols];
-        for row in (0..rows.n_rows).step_by(TALL) {
-            let mut of_tile = [[0.0; WIDE]; TALL];
-            for (row, of_row) in (row..rows.n_rows).zip(&mut of_tile) {
-                of_row[..columns.len()].copy_from_slice(&weights.row(row)[columns.clone()]);
-            }
-            add_combinations(&of_tile, tile(rows, row), &mut sums);
+    for columns in few_at_a_time(weights.n_cols) {
+        match columns.len() {
+            ..=LANES => few_combinations::<LANES>(weights, rows, columns, &mut out),
+            _ => few_combinations::<WIDE>(weights, rows, columns, &mut out),
         }
-        put(&sums, [1.0; WIDE], columns, &mut out);
     }
     out
+}
+
+fn few_combinations<const N: usize>(
+    weights: &Dense<f32>,
+    rows: &Dense<f32>,
+    columns: Range<usize>,
+    out: &mut Dense<f32>,
+) {
+    let mut sums = vec![[0.0; N]; rows.n_cols];
+    for row in (0..rows.n_rows).step_by(TALL) {
+        let mut of_tile = [[0.0; N]; TALL];
+        for (row, of_row) in (row..rows.n_rows).zip(&mut of_tile) {
+            of_row[..columns.len()].copy_from_slice(&weights.row(row)[columns.clone()]);
+        }
+        add_combinations(&of_tile, tile(rows, row), &mut sums);
+    }
+    put(&sums, [1.0; N], columns, out);
 }
 
 /// `C⁺ᵀ · rows` where C are the rows' coefficients in a basis and C⁺ is C with columns of norm 1: a step of a power iteration,
@@ -52,32 +76,42 @@ pub(crate) fn combinations(weights: &Dense<f32>, rows: &Dense<f32>) -> Dense<f32
 pub(crate) fn power_step(rows: &Dense<f32>, basis: &Dense<f32>) -> Dense<f32> {
     assert!(rows.n_cols == basis.n_cols, "rows of {} and {} columns", rows.n_cols, basis.n_cols);
     let mut out = Dense::zeros(basis.n_rows, rows.n_cols);
-    for (columns, vectors) in few_at_a_time(basis) {
-        let mut energies = [0.0; WIDE];
-        let mut sums = vec![[0.0; WIDE]; rows.n_cols];
-        for row in (0..rows.n_rows).step_by(TALL) {
-            let mut products = scalar_products(tile(rows, row), &vectors);
-            products[TALL.min(rows.n_rows - row)..].fill([0.0; WIDE]);
-            for products in &products {
-                energies.iter_mut().zip(products).for_each(|(energy, x)| *energy += x * x);
-            }
-            add_combinations(&products, tile(rows, row), &mut sums);
+    for columns in few_at_a_time(basis.n_rows) {
+        match columns.len() {
+            ..=LANES => few_power_steps::<LANES>(rows, basis, columns, &mut out),
+            _ => few_power_steps::<WIDE>(rows, basis, columns, &mut out),
         }
-        put(&sums, energies.map(|energy| if energy > 0.0 { 1.0 / energy.sqrt() } else { 0.0 }), columns, &mut out);
     }
     out
 }
 
-/// The vectors of a basis, as many as are worked on at a time, with their entries side by side.
-fn few_at_a_time(basis: &Dense<f32>) -> impl Iterator<Item = (Range<usize>, Vec<[f32; WIDE]>)> {
-    (0..basis.n_rows).step_by(WIDE).map(|first| {
-        let columns = first..basis.n_rows.min(first + WIDE);
-        let mut vectors = vec![[0.0; WIDE]; basis.n_cols];
-        for (v, row) in columns.clone().enumerate() {
-            vectors.iter_mut().zip(basis.row(row)).for_each(|(to, &x)| to[v] = x);
+fn few_power_steps<const N: usize>(rows: &Dense<f32>, basis: &Dense<f32>, columns: Range<usize>, out: &mut Dense<f32>) {
+    let vectors = side_by_side::<N>(basis, &columns);
+    let mut energies = [0.0; N];
+    let mut sums = vec![[0.0; N]; rows.n_cols];
+    for row in (0..rows.n_rows).step_by(TALL) {
+        let mut products = scalar_products(tile(rows, row), &vectors);
+        products[TALL.min(rows.n_rows - row)..].fill([0.0; N]);
+        for products in &products {
+            energies.iter_mut().zip(products).for_each(|(energy, x)| *energy += x * x);
         }
-        (columns, vectors)
-    })
+        add_combinations(&products, tile(rows, row), &mut sums);
+    }
+    put(&sums, energies.map(|energy| if energy > 0.0 { 1.0 / energy.sqrt() } else { 0.0 }), columns, out);
+}
+
+/// As many vectors as are worked on at a time.
+fn few_at_a_time(n_vectors: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..n_vectors).step_by(WIDE).map(move |first| first..n_vectors.min(first + WIDE))
+}
+
+/// Some vectors of a basis with their entries side by side, and zeros.
+fn side_by_side<const N: usize>(basis: &Dense<f32>, vectors: &Range<usize>) -> Vec<[f32; N]> {
+    let mut out = vec![[0.0; N]; basis.n_cols];
+    for (v, row) in vectors.clone().enumerate() {
+        out.iter_mut().zip(basis.row(row)).for_each(|(to, &x)| to[v] = x);
+    }
+    out
 }
 
 /// Some rows from a first one on; past the end the last one is repeated.
@@ -86,7 +120,7 @@ fn tile(rows: &Dense<f32>, first: usize) -> [&[f32]; TALL] {
 }
 
 /// Scaled vectors whose entries lie side by side become some rows of `out`.
-fn put(vectors: &[[f32; WIDE]], scales: [f32; WIDE], rows: Range<usize>, out: &mut Dense<f32>) {
+fn put<const N: usize>(vectors: &[[f32; N]], scales: [f32; N], rows: Range<usize>, out: &mut Dense<f32>) {
     for (v, row) in rows.enumerate() {
         out.row_mut(row).iter_mut().zip(vectors).for_each(|(to, from)| *to = scales[v] * from[v]);
     }

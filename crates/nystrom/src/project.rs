@@ -9,8 +9,9 @@
 use std::array;
 
 use crate::{
+    basis::extend_basis,
     compress::{ColumnGroup, CompressConfig, Tolerance, shade},
-    dense::{Dense, eigen},
+    dense::{Dense, dot, eigen},
     fit::Fit,
     means::Means,
     measure::{Measured, least_agreement},
@@ -19,10 +20,19 @@ use crate::{
     random::Random,
     sketch::{Sketch, allowed, rank_limit, sketch},
     unpacked::Unpacked,
+    vector::WIDE,
 };
 
 /// Components that the refinement may carry beyond those that seem to pay.
 const OVERSAMPLING: usize = 4;
+/// Dimensions of a span from which on it is narrowed before it is decomposed.
+const MANY: usize = 48;
+/// Widths that are tried for it, over its own.
+const WIDTHS: [f64; 2] = [0.4, 0.6];
+/// Share of the mean-square goal that narrowing may lose.
+const NARROWING: f64 = 0.125;
+/// Share of the energy up to which a difference of energies in single precision has hardly a digit left.
+const ROUNDING: f64 = 1e-6;
 
 /// Compresses one group of columns of a block.
 pub(crate) fn factor(
@@ -132,16 +142,62 @@ pub(crate) fn fitted<const N: usize>(
         return fits(means, array::from_fn(|_| Dense::zeros(0, means.mean.n_cols)), 0);
     }
     let sketch = sketch(means, bundle_len, tolerance, config, &mut rng);
-    fits(means, bases(means, &sketch, allowed(means, tolerance), limit), sketch.n_landmarks())
+    fits(means, bases(means, &sketch, allowed(means, tolerance), limit, &mut rng), sketch.n_landmarks())
 }
 
 /// Orthonormal right bases of A, of B and of their mean, largest component first, a little wider than what seems to pay.
-fn bases<const N: usize>(means: &Means, sketch: &Sketch, goal: f64, limit: usize) -> [Dense<f32>; N] {
+fn bases<const N: usize>(means: &Means, sketch: &Sketch, goal: f64, limit: usize, rng: &mut Random) -> [Dense<f32>; N] {
+    let n_landmarks = sketch.n_landmarks();
     match sketch {
+        Sketch::Rows if means.is_exact() => {
+            let basis = principal(&means.a.to_f64());
+            array::from_fn(|_| basis.clone())
+        }
         Sketch::Rows => array::from_fn(|i| principal(&[&means.a, &means.b, &means.mean][i].to_f64())),
         Sketch::Columns => refined(means, [&means.a, &means.b], 0, goal, limit),
-        Sketch::Landmarks { a, b } => refined(means, [a, b], sketch.n_landmarks(), goal, limit),
+        Sketch::Landmarks { a, b } => match narrowed(means, [a, b], goal, rng) {
+            Some([a, b]) => refined(means, [&a, &b], n_landmarks, goal, limit),
+            None => refined(means, [a, b], n_landmarks, goal, limit),
+        },
     }
+}
+
+/// Coefficients of both halves in a narrower span, if that holds practically all that they have in common: what a span costs
+/// grows with the third power of its dimensions. Steps of a power iteration from random vectors find it \[Halko2011\].
+fn narrowed(means: &Means, [a, b]: [&Dense<f32>; 2], goal: f64, rng: &mut Random) -> Option<[Dense<f32>; 2]> {
+    let (n_wide, enough) = (a.n_cols, NARROWING * goal * means.n_entries());
+    let mut lost = common(a, b);
+    if n_wide < MANY || enough < ROUNDING * lost {
+        return None;
+    }
+    let mean = (!means.is_exact()).then(|| mean_of(a, b));
+    let mut basis = Dense::zeros(0, n_wide);
+    let mut found: [Vec<Dense<f32>>; 2] = Default::default();
+    for width in WIDTHS.map(|width| (width * n_wide as f64) as usize).map(|width| width.next_multiple_of(WIDE)) {
+        let n_before = basis.n_rows;
+        let data = (n_before * n_wide..width * n_wide).map(|_| rng.unit() as f32 - 0.5).collect();
+        let start = Dense { n_rows: width - n_before, n_cols: n_wide, data };
+        extend_basis(&mut basis, power_step(mean.as_ref().unwrap_or(a), &start));
+        let new = basis.gather_rows(n_before..basis.n_rows);
+        let of_a = coefficients(a, &new);
+        let of_b = if mean.is_some() { coefficients(b, &new) } else { of_a.clone() };
+        lost -= common(&of_a, &of_b);
+        found[0].push(of_a);
+        found[1].push(of_b);
+        if lost <= enough {
+            return Some(found.map(|parts| Dense::side_by_side(&parts, a.n_rows)));
+        }
+    }
+    None
+}
+
+fn mean_of(a: &Dense<f32>, b: &Dense<f32>) -> Dense<f32> {
+    Dense { data: a.data.iter().zip(&b.data).map(|(x, y)| 0.5 * (x + y)).collect(), ..*a }
+}
+
+/// ⟨A, B⟩
+fn common(a: &Dense<f32>, b: &Dense<f32>) -> f64 {
+    (0..a.n_rows).map(|row| f64::from(dot(a.row(row), b.row(row)))).sum()
 }
 
 /// Two steps from the coefficients of all rows back to the columns. Each half's basis is made of its own rows alone: the
@@ -153,13 +209,22 @@ fn refined<const N: usize>(
     goal: f64,
     limit: usize,
 ) -> [Dense<f32>; N] {
+    let worth = |half: &Eigen, cross: &Dense<f64>| {
+        worth(half, cross, least_agreement(means, n_landmarks), 0.125 * goal * means.n_entries())
+    };
+    let width = |worth: usize| (worth + OVERSAMPLING).min(limit + OVERSAMPLING);
+    if means.is_exact() {
+        let own = halves[0].to_f64();
+        let gram = product(own.t(), own.view());
+        let half = eigen(&gram);
+        let basis = stepped(&own, &half, width(worth(&half, &gram)), &means.a);
+        return array::from_fn(|_| basis.clone());
+    }
     let [a, b] = halves.map(Dense::to_f64);
     let cross = product(a.t(), b.view());
     let grams = [&a, &b].map(|half| product(half.t(), half.view()));
     let [half_a, half_b] = grams.each_ref().map(eigen);
-    let worth =
-        |half: &Eigen| worth(half, &cross, least_agreement(means, n_landmarks), 0.125 * goal * means.n_entries());
-    let width = (worth(&half_a).max(worth(&half_b)) + OVERSAMPLING).min(limit + OVERSAMPLING);
+    let width = width(worth(&half_a, &cross).max(worth(&half_b, &cross)));
     let mut all = vec![(&a, half_a, &means.a), (&b, half_b, &means.b)];
     let mut mean = Dense::zeros(0, 0);
     if N > all.len() {
@@ -167,11 +232,13 @@ fn refined<const N: usize>(
         mean.data.iter_mut().zip(&b.data).for_each(|(x, y)| *x = 0.5 * (*x + y));
         all.push((&mean, eigen(&mean_gram(&grams, &cross)), &means.mean));
     }
-    array::from_fn(|i| {
-        let (own, half, rows) = &all[i];
-        let once = principal(&combinations(&range(own, half, width), rows).to_f64());
-        principal(&power_step(rows, &once).to_f64())
-    })
+    array::from_fn(|i| stepped(all[i].0, &all[i].1, width, all[i].2))
+}
+
+/// The two steps of one half, or of the mean, from its coefficients.
+fn stepped(own: &Dense<f64>, half: &Eigen, width: usize, rows: &Dense<f32>) -> Dense<f32> {
+    let once = principal(&combinations(&range(own, half, width), rows).to_f64());
+    principal(&power_step(rows, &once).to_f64())
 }
 
 /// The Gram matrix of the mean of two halves, from theirs and the one between them.
@@ -224,6 +291,10 @@ fn signals(vectors: &Dense<f64>, cross: &Dense<f64>) -> Vec<f64> {
 
 /// Both halves met with all bases at once: reading the halves is what costs.
 fn fits<const N: usize>(means: &Means, bases: [Dense<f32>; N], n_landmarks: usize) -> [Fit; N] {
+    if means.is_exact() {
+        let met = coefficients(&means.a, &bases[0]);
+        return bases.map(|basis| Fit { basis, a: met.clone(), b: met.clone(), n_landmarks });
+    }
     let mut all = Dense::zeros(0, means.mean.n_cols);
     for basis in &bases {
         all.data.extend_from_slice(&basis.data);
@@ -237,4 +308,51 @@ fn fits<const N: usize>(means: &Means, bases: [Dense<f32>; N], n_landmarks: usiz
         let [a, b] = [&with_a, &with_b].map(|with| with.cols(columns.clone()));
         Fit { basis, a, b, n_landmarks }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{dense::tests::random, product::product};
+
+    /// A dozen components, and both halves the same.
+    fn exact() -> Means {
+        let mut rng = Random::new([41, 0]);
+        let (left, right) = (random(300, 12, &mut rng), random(12, 80, &mut rng));
+        let values = product(left.view(), right.view());
+        let mut means = Means::default();
+        means.fill([&values.data, &values.data], 80, &(0..80), [1; 2]).unwrap();
+        means
+    }
+
+    #[test]
+    fn halves_that_are_the_same_are_decomposed_once_with_the_same_result() {
+        let fits = |means: &Means| -> [Fit; 3] {
+            let tolerance = Tolerance::RelativeFrobenius(1e-3);
+            fitted(means, 3, tolerance, &CompressConfig::default(), Random::new([1, 2]))
+        };
+        let mut means = exact();
+        assert!(means.is_exact());
+        let once = fits(&means);
+        means.noise[0] = f64::MIN_POSITIVE;
+        assert!(!means.is_exact());
+        for (once, each) in once.iter().zip(&fits(&means)) {
+            assert!(once.basis.n_rows >= 12 && once.basis == each.basis, "{} components", once.basis.n_rows);
+            assert!(once.a == each.a && once.b == each.b);
+        }
+    }
+    #[test]
+    fn a_span_is_narrowed_only_where_that_loses_little() {
+        let (means, mut rng) = (exact(), Random::new([42, 0]));
+        let (left, right) = (random(300, 12, &mut rng), random(12, 60, &mut rng));
+        let mut wide = product(left.view(), right.view());
+        wide.data.iter_mut().zip(random(300, 60, &mut rng).data).for_each(|(x, other)| *x += 0.01 * other);
+        let [a, b] = narrowed(&means, [&wide, &wide], 1e-3, &mut rng).unwrap();
+        assert!(a.n_cols == 32 && a == b, "{} dimensions", a.n_cols);
+        let lost = common(&wide, &wide) - common(&a, &b);
+        assert!(lost.abs() < 2.0, "{lost} of {}", common(&wide, &wide));
+        assert!(narrowed(&means, [&wide, &wide], 0.0, &mut rng).is_none());
+        let flat = random(300, 60, &mut rng);
+        assert!(narrowed(&means, [&flat, &flat], 1e-3, &mut rng).is_none());
+    }
 }

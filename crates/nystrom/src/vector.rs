@@ -7,12 +7,12 @@
 /// Rows that are worked on at a time.
 pub(crate) const TALL: usize = 6;
 /// Numbers in a vector register.
-const LANES: usize = 8;
-/// Vectors that are worked on at a time.
+pub(crate) const LANES: usize = 8;
+/// Vectors that are worked on at a time; where few are left, [`LANES`].
 pub(crate) const WIDE: usize = 2 * LANES;
 
 /// The scalar product of each row with each vector; `vectors` has their entries side by side, at most as many as a row has.
-pub(crate) fn scalar_products(rows: [&[f32]; TALL], vectors: &[[f32; WIDE]]) -> [[f32; WIDE]; TALL] {
+pub(crate) fn scalar_products<const N: usize>(rows: [&[f32]; TALL], vectors: &[[f32; N]]) -> [[f32; N]; TALL] {
     assert!(rows.iter().all(|row| row.len() >= vectors.len()), "rows shorter than {}", vectors.len());
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
@@ -24,7 +24,11 @@ pub(crate) fn scalar_products(rows: [&[f32]; TALL], vectors: &[[f32; WIDE]]) -> 
 
 /// Adds to each vector a combination of the rows, with one weight per row and vector; `vectors` has their entries side by
 /// side, at most as many as a row has.
-pub(crate) fn add_combinations(weights: &[[f32; WIDE]; TALL], rows: [&[f32]; TALL], vectors: &mut [[f32; WIDE]]) {
+pub(crate) fn add_combinations<const N: usize>(
+    weights: &[[f32; N]; TALL],
+    rows: [&[f32]; TALL],
+    vectors: &mut [[f32; N]],
+) {
     assert!(rows.iter().all(|row| row.len() >= vectors.len()), "rows shorter than {}", vectors.len());
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
@@ -35,11 +39,11 @@ pub(crate) fn add_combinations(weights: &[[f32; WIDE]; TALL], rows: [&[f32]; TAL
 }
 
 mod plain {
-    use super::{TALL, WIDE};
+    use super::TALL;
 
-    pub(super) fn scalar_products(rows: [&[f32]; TALL], vectors: &[[f32; WIDE]]) -> [[f32; WIDE]; TALL] {
+    pub(super) fn scalar_products<const N: usize>(rows: [&[f32]; TALL], vectors: &[[f32; N]]) -> [[f32; N]; TALL] {
         rows.map(|row| {
-            let mut sums = [0.0; WIDE];
+            let mut sums = [0.0; N];
             for (&x, vectors) in row.iter().zip(vectors) {
                 sums.iter_mut().zip(vectors).for_each(|(sum, y)| *sum += x * y);
             }
@@ -47,7 +51,11 @@ mod plain {
         })
     }
 
-    pub(super) fn add_combinations(weights: &[[f32; WIDE]; TALL], rows: [&[f32]; TALL], vectors: &mut [[f32; WIDE]]) {
+    pub(super) fn add_combinations<const N: usize>(
+        weights: &[[f32; N]; TALL],
+        rows: [&[f32]; TALL],
+        vectors: &mut [[f32; N]],
+    ) {
         for (weights, row) in weights.iter().zip(rows) {
             for (vectors, &x) in vectors.iter_mut().zip(row) {
                 vectors.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight * x);
@@ -62,12 +70,15 @@ mod avx2 {
         __m256, _mm256_fmadd_ps, _mm256_loadu_ps, _mm256_set1_ps, _mm256_setzero_ps, _mm256_storeu_ps,
     };
 
-    use super::{LANES, TALL, WIDE};
+    use super::{LANES, TALL};
 
     /// # Safety
     /// No row is shorter than `vectors`.
     #[target_feature(enable = "avx2,fma")]
-    pub(super) unsafe fn scalar_products(rows: [&[f32]; TALL], vectors: &[[f32; WIDE]]) -> [[f32; WIDE]; TALL] {
+    pub(super) unsafe fn scalar_products<const N: usize>(
+        rows: [&[f32]; TALL],
+        vectors: &[[f32; N]],
+    ) -> [[f32; N]; TALL] {
         let mut sums = [[_mm256_setzero_ps(); 2]; TALL];
         for (i, vectors) in vectors.iter().enumerate() {
             let [low, high] = load(vectors);
@@ -77,7 +88,7 @@ mod avx2 {
                 *sums = [_mm256_fmadd_ps(x, low, sums[0]), _mm256_fmadd_ps(x, high, sums[1])];
             }
         }
-        let mut out = [[0.0; WIDE]; TALL];
+        let mut out = [[0.0; N]; TALL];
         for (out, sums) in out.iter_mut().zip(sums) {
             *out = store(sums);
         }
@@ -87,10 +98,10 @@ mod avx2 {
     /// # Safety
     /// No row is shorter than `vectors`.
     #[target_feature(enable = "avx2,fma")]
-    pub(super) unsafe fn add_combinations(
-        weights: &[[f32; WIDE]; TALL],
+    pub(super) unsafe fn add_combinations<const N: usize>(
+        weights: &[[f32; N]; TALL],
         rows: [&[f32]; TALL],
-        vectors: &mut [[f32; WIDE]],
+        vectors: &mut [[f32; N]],
     ) {
         let mut registers = [[_mm256_setzero_ps(); 2]; TALL];
         for (registers, weights) in registers.iter_mut().zip(weights) {
@@ -108,14 +119,18 @@ mod avx2 {
     }
 
     #[target_feature(enable = "avx2")]
-    fn load(values: &[f32; WIDE]) -> [__m256; 2] {
-        // SAFETY: both halves of an array of two registers.
-        unsafe { [_mm256_loadu_ps(values.as_ptr()), _mm256_loadu_ps(values[LANES..].as_ptr())] }
+    fn load<const N: usize>(values: &[f32; N]) -> [__m256; 2] {
+        let mut registers = [_mm256_setzero_ps(); 2];
+        for (register, values) in registers.iter_mut().zip(values.as_chunks::<LANES>().0) {
+            // SAFETY: an array of one register.
+            *register = unsafe { _mm256_loadu_ps(values.as_ptr()) };
+        }
+        registers
     }
 
     #[target_feature(enable = "avx2")]
-    fn store(registers: [__m256; 2]) -> [f32; WIDE] {
-        let mut out = [0.0; WIDE];
+    fn store<const N: usize>(registers: [__m256; 2]) -> [f32; N] {
+        let mut out = [0.0; N];
         for (out, register) in out.as_chunks_mut::<LANES>().0.iter_mut().zip(registers) {
             // SAFETY: an array of one register.
             unsafe { _mm256_storeu_ps(out.as_mut_ptr(), register) };
@@ -135,17 +150,22 @@ mod tests {
         for len in [0, 1, 5, 64, 257] {
             let rows: [Vec<f32>; TALL] = std::array::from_fn(|i| (0..len + i).map(|_| rng.normal()).collect());
             let rows = rows.each_ref().map(Vec::as_slice);
-            let vectors: Vec<[f32; WIDE]> = (0..len).map(|_| std::array::from_fn(|_| rng.normal())).collect();
-            let agree = |best: &[[f32; WIDE]], plain: &[[f32; WIDE]]| {
-                let mut pairs = best.iter().flatten().zip(plain.iter().flatten());
-                assert!(pairs.all(|(x, y)| (x - y).abs() < 1e-4), "{len}");
-            };
-            let weights = scalar_products(rows, &vectors);
-            agree(&weights, &plain::scalar_products(rows, &vectors));
-            let (mut best, mut plain) = (vectors.clone(), vectors);
-            add_combinations(&weights, rows, &mut best);
-            plain::add_combinations(&weights, rows, &mut plain);
-            agree(&best, &plain);
+            both_ways_agree::<WIDE>(rows, len, &mut rng);
+            both_ways_agree::<LANES>(rows, len, &mut rng);
         }
+    }
+
+    fn both_ways_agree<const N: usize>(rows: [&[f32]; TALL], len: usize, rng: &mut Random) {
+        let vectors: Vec<[f32; N]> = (0..len).map(|_| std::array::from_fn(|_| rng.normal())).collect();
+        let agree = |best: &[[f32; N]], plain: &[[f32; N]]| {
+            let mut pairs = best.iter().flatten().zip(plain.iter().flatten());
+            assert!(pairs.all(|(x, y)| (x - y).abs() < 1e-4), "{len}");
+        };
+        let weights = scalar_products(rows, &vectors);
+        agree(&weights, &plain::scalar_products(rows, &vectors));
+        let (mut best, mut plain) = (vectors.clone(), vectors);
+        add_combinations(&weights, rows, &mut best);
+        plain::add_combinations(&weights, rows, &mut plain);
+        agree(&best, &plain);
     }
 }

@@ -1,7 +1,7 @@
 //! Factors in the form of a singular value decomposition, whoever made them: what is stored of each component is then worth
 //! its singular value, and no product of two components is stored twice.
 
-use half::f16;
+use half::{f16, slice::HalfFloatSliceExt};
 
 use crate::{
     dense::{Dense, eigen},
@@ -40,25 +40,36 @@ impl Orthogonal {
 }
 
 /// `left · diag(scale)` and `right` in double precision.
-#[expect(clippy::arithmetic_side_effects, reason = "a value of a component: there is one")]
 pub(super) fn both(factors: &BlockFactors) -> (Dense<f64>, Dense<f64>) {
     let (m, n, k) = (factors.n_rows as usize, factors.n_cols as usize, factors.rank as usize);
-    let scaled = |(i, x): (usize, &f16)| x.to_f64() * f64::from(factors.scale[i % k]);
-    let left = factors.left.iter().enumerate().map(scaled).collect();
-    let right = factors.right.iter().map(|x| x.to_f64()).collect();
+    let wide = |halves: &[f16]| {
+        let mut values = vec![0.0; halves.len()];
+        halves.convert_to_f64_slice(&mut values);
+        values
+    };
+    let (mut left, right) = (wide(&factors.left), wide(&factors.right));
+    for row in left.chunks_exact_mut(k.max(1)) {
+        row.iter_mut().zip(&factors.scale).for_each(|(x, scale)| *x *= f64::from(*scale));
+    }
     (Dense { n_rows: m, n_cols: k, data: left }, Dense { n_rows: k, n_cols: n, data: right })
 }
 
-/// Squared difference of two blocks of one size over all entries, sparse ones aside.
-pub(super) fn squared_difference(a: &BlockFactors, b: &BlockFactors) -> f64 {
-    let [(left_a, right_a), (left_b, right_b)] = [both(a), both(b)];
-    // ⟨L R, M S⟩ = ⟨Lᵀ M, R Sᵀ⟩: only matrices of ranks are multiplied.
-    let inner = |l: &Dense<f64>, r: &Dense<f64>, m: &Dense<f64>, s: &Dense<f64>| -> f64 {
-        let (lefts, rights) = (product(l.t(), m.view()), product(r.view(), s.t()));
-        lefts.data.iter().zip(&rights.data).map(|(x, y)| x * y).sum()
-    };
-    let own = inner(&left_a, &right_a, &left_a, &right_a) + inner(&left_b, &right_b, &left_b, &right_b);
-    (own - 2.0 * inner(&left_a, &right_a, &left_b, &right_b)).max(0.0)
+/// Squared difference of two blocks of one size over all entries, sparse ones aside; the first one comes with its [`energy`].
+pub(super) fn squared_difference((a, energy_a): (&BlockFactors, f64), b: &BlockFactors) -> f64 {
+    let [a, b] = [both(a), both(b)];
+    (energy_a + inner_product(&b, &b) - 2.0 * inner_product(&a, &b)).max(0.0)
+}
+
+/// Sum of the squared entries of a block, sparse ones aside.
+pub(super) fn energy(factors: &BlockFactors) -> f64 {
+    let both = both(factors);
+    inner_product(&both, &both)
+}
+
+/// ⟨L R, M S⟩ = ⟨Lᵀ M, R Sᵀ⟩: only matrices of ranks are multiplied.
+fn inner_product((l, r): &(Dense<f64>, Dense<f64>), (m, s): &(Dense<f64>, Dense<f64>)) -> f64 {
+    let (lefts, rights) = (product(l.t(), m.view()), product(r.view(), s.t()));
+    lefts.data.iter().zip(&rights.data).map(|(x, y)| x * y).sum()
 }
 
 /// An orthonormal basis of the span of some rows (basis × columns), and what gives the rows back: rows × basis.
@@ -119,10 +130,10 @@ mod tests {
             x.dense().iter().zip(y.dense()).map(|(x, y)| f64::from(x - y).powi(2)).sum()
         };
         for (x, y) in [(&a, &b), (&a, &none), (&none, &none)] {
-            let (got, want) = (squared_difference(x, y), dense(x, y));
+            let (got, want) = (squared_difference((x, energy(x)), y), dense(x, y));
             assert!((got - want).abs() <= 1e-5 * want, "{got} {want}");
         }
-        assert!(squared_difference(&a, &a) < 1e-10);
+        assert!(squared_difference((&a, energy(&a)), &a) < 1e-10);
     }
 
     #[test]

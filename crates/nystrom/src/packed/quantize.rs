@@ -145,13 +145,22 @@ impl Component {
     }
 
     fn error(&self, step: f32) -> f64 {
-        let squares = |values: &[f32], step: f32| -> f64 {
-            let error = |x: &f32| f64::from(x - round_toward_zero(x / step) as f32 * step);
-            values.iter().map(|x| error(x).powi(2)).sum()
-        };
-        let of_right = squares(&self.right, step_of_right(self.size(step)));
-        squares(&self.left, step) + self.norm.powi(2) * of_right
+        let of_right = squared_rounding(&self.right, step_of_right(self.size(step)));
+        squared_rounding(&self.left, step) + self.norm.powi(2) * of_right
     }
+}
+
+/// Squared error of rounding, in eight partial sums.
+fn squared_rounding(values: &[f32], step: f32) -> f64 {
+    let error = |x: f32| f64::from(x.abs() - round_toward_zero(x.abs() / step) as f32 * step);
+    let (eights, rest) = values.as_chunks::<8>();
+    let mut sums = [0.0; 8];
+    for eight in eights {
+        for lane in 0..8 {
+            sums[lane] += error(eight[lane]).powi(2);
+        }
+    }
+    sums.iter().sum::<f64>() + rest.iter().map(|&x| error(x).powi(2)).sum::<f64>()
 }
 
 /// The nearest whole number, or the one nearer to zero in its dead zone.
