@@ -341,6 +341,7 @@ mod tests {
             assert!(once.a == each.a && once.b == each.b);
         }
     }
+
     #[test]
     fn a_span_is_narrowed_only_where_that_loses_little() {
         let (means, mut rng) = (exact(), Random::new([42, 0]));
