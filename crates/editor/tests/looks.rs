@@ -872,14 +872,20 @@ fn a_moment_is_taken_over_as_the_way_to_the_next_key_has_it_and_frames_are_cance
     assert!(is_still && before > 0, "{before} files, and more of them still come");
 }
 
-#[test]
-fn frames_are_told_and_stopped_in_the_bar_when_the_timeline_is_closed() {
+/// Frames of two minutes that are being written, more than any test waits for.
+fn writing_for_long() -> (Window, tempfile::TempDir) {
     let mut window = two_keys();
     window.get_by_label("Frames per second").set_value_accesskit(240.0);
     window.get_by_label("Time of the key").set_value_accesskit(120.0);
     window.run_steps(3);
     let folder = tempfile::tempdir().unwrap();
     save_as(&mut window, "Export frames…", &folder.path().join("f_#####.png"));
+    (window, folder)
+}
+
+#[test]
+fn frames_are_told_and_stopped_in_the_bar_when_the_timeline_is_closed() {
+    let (mut window, _folder) = writing_for_long();
     click(&mut window, "Timeline");
     assert!(window.query_by_label("Cancel the frames").is_none());
     window.get_by_label_contains("Writing frames, ");
@@ -890,12 +896,7 @@ fn frames_are_told_and_stopped_in_the_bar_when_the_timeline_is_closed() {
 
 #[test]
 fn closing_asks_before_frames_are_given_up_and_then_for_the_look() {
-    let mut window = two_keys();
-    window.get_by_label("Frames per second").set_value_accesskit(240.0);
-    window.get_by_label("Time of the key").set_value_accesskit(120.0);
-    window.run_steps(3);
-    let folder = tempfile::tempdir().unwrap();
-    save_as(&mut window, "Export frames…", &folder.path().join("f_#####.png"));
+    let (mut window, _folder) = writing_for_long();
     let close = |window: &mut Window| {
         let input = window.input_mut();
         let id = input.viewport_id;

@@ -20,7 +20,9 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 use serde_json::json;
 
-use desk::{Dropped, Kept, Window, baked, click, drag, on_screen, quick, replace_and_reload, room, save_as, wait};
+use desk::{
+    Dropped, Kept, Window, baked, click, click_at, drag, on_screen, quick, replace_and_reload, room, save_as, wait,
+};
 
 /// The room, baked with the light that arrives.
 fn measured() -> Window {
@@ -91,12 +93,7 @@ fn the_lights_of_a_place_tell_their_lux_and_together_they_are_those_there() {
     assert!(all > 0.0 && (sum / all - 1.0).abs() < 1e-3, "{sum} lx of {all}");
 
     let at = place(&window, 32.5 / 64.0, 38.5 / 48.0);
-    window.hover_at(at);
-    window.run_steps(2);
-    window.drag_at(at);
-    window.run_steps(2);
-    window.drop_at(at);
-    window.run_steps(4);
+    click_at(&mut window, at);
     let rows = window.query_all_by_label_contains("lamp ").filter_map(|row| row.accesskit_node().label());
     let rows: Vec<String> = rows.filter(|words| words.contains(" % ")).collect();
     assert!(rows.len() == 1 && rows[0].ends_with(" lx"), "{rows:?}");

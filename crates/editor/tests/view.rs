@@ -18,17 +18,9 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
-use desk::{Window, ask_for_menu, baked, click, drag, on_screen, open, reach, replace_and_reload, room, wait};
-
-/// A click that is no drag.
-fn click_at(window: &mut Window, at: Pos2) {
-    window.hover_at(at);
-    window.run_steps(2);
-    window.drag_at(at);
-    window.run_steps(2);
-    window.drop_at(at);
-    window.run_steps(4);
-}
+use desk::{
+    Window, ask_for_menu, baked, click, click_at, drag, on_screen, open, reach, replace_and_reload, room, wait,
+};
 
 /// A place on the back wall that no panel hides.
 const WALL: Vec3 = Vec3::new(-0.6, -0.4, -1.0);

@@ -23,8 +23,8 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
 use desk::{
-    Dropped, Kept, Window, ask_for, ask_for_menu, baked, click, drag, on_screen, open, open_with, quick, reach, room,
-    save_as, wait,
+    Dropped, Kept, Window, ask_for, ask_for_menu, baked, click, click_at, drag, on_screen, open, open_with, quick,
+    reach, room, save_as, wait,
 };
 
 #[test]
@@ -1186,12 +1186,7 @@ fn keys_are_for_the_question_that_waits() {
     let mut window = baked();
     click(&mut window, "Mute lamp");
     let name = window.get_by_label("Mute lamp").rect().right_center() + vec2(20.0, 0.0);
-    window.hover_at(name);
-    window.run_steps(2);
-    window.drag_at(name);
-    window.run_steps(2);
-    window.drop_at(name);
-    window.run_steps(3);
+    click_at(&mut window, name);
     let look = window.state().look().clone();
     let input = window.input_mut();
     let id = input.viewport_id;

@@ -112,6 +112,17 @@ pub fn wait_until(window: &mut Window, until: impl Fn(&Window) -> bool) {
     );
 }
 
+/// Clicks somewhere without a drag.
+#[allow(dead_code, reason = "not every test of the window clicks on what has no name")]
+pub fn click_at(window: &mut Window, at: Pos2) {
+    window.hover_at(at);
+    window.run_steps(2);
+    window.drag_at(at);
+    window.run_steps(2);
+    window.drop_at(at);
+    window.run_steps(4);
+}
+
 /// Drags from one point to another in small steps.
 pub fn drag(window: &mut Window, from: Pos2, to: Pos2) {
     window.hover_at(from);
