@@ -6,6 +6,9 @@ use clerestory_relight::{DeviceChoice, Gpu};
 use super::desk::Desk;
 use super::{growth, latency, relight, steps};
 
+/// Of the section.
+pub const NAME: &str = "hardware";
+
 /// Whether there is such a device: without one the page keeps what was measured elsewhere.
 pub fn is_here() -> bool {
     !Gpu::all_headless(DeviceChoice::Hardware).is_empty()
@@ -17,10 +20,10 @@ pub fn is_here() -> bool {
 /// If there is no such device, or it fails.
 pub fn write(desk: &Desk) -> Result<String> {
     let gpu = Gpu::headless(DeviceChoice::Hardware)?;
-    let relit = relight::tables(desk, DeviceChoice::Hardware)?;
-    let dragged = latency::table(desk, DeviceChoice::Hardware)?;
-    let moved = steps::table(desk, Some(&gpu))?;
-    let grown = growth::threads::write(desk, "hardware")?;
+    let relit: String = desk.part(NAME, "relight", || relight::tables(desk, DeviceChoice::Hardware))?;
+    let dragged: String = desk.part(NAME, "latency", || latency::table(desk, DeviceChoice::Hardware))?;
+    let moved: String = desk.part(NAME, "steps", || steps::table(desk, Some(&gpu)))?;
+    let grown = growth::threads::write(desk, NAME)?;
     Ok(format!(
         "## A machine with a graphics card\n\n\
          The tables of *Relighting*, *Latency*, *Steps of a moved lamp* and *Threads* once more, where there is a graphics device of hardware; what their columns mean stands there. {}\n\

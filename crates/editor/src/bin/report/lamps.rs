@@ -40,9 +40,8 @@ const WIDTHS: [u32; 2] = [64, 320];
 /// Samples per pixel of a bake of each width.
 const BAKE_SPP: [u32; 2] = [256, 32];
 /// Patches and samples per pixel of the bakes that are held against references.
-const BAKES: [[u32; 2]; 6] = [
-    [1024, BAKE_SPP[0]],
-    [2048, BAKE_SPP[0]],
+const BAKES: [[u32; 2]; 5] = [
+    [DEFAULT_PATCHES / 4, BAKE_SPP[0]],
     USUAL,
     [DEFAULT_PATCHES, BAKE_SPP[0] / 4],
     [DEFAULT_PATCHES, 4 * BAKE_SPP[0]],

@@ -2,7 +2,7 @@
 //! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [--into DIR] [SECTION]…`
 //!
-//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware), in a hurry those of [`IN_A_HURRY`]; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
+//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others` where its scenes are), in a hurry those of [`IN_A_HURRY`]; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
 //! it is finished by the same program. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
@@ -68,8 +68,9 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 20] = [
+const SECTIONS: [Section; 21] = [
     Section { name: "time", write: time::write },
+    Section { name: time::OTHERS, write: time::write_others },
     Section { name: "paper", write: paper::write },
     Section { name: "growth", write: growth::write },
     Section { name: "fronts", write: fronts::write },
@@ -84,7 +85,7 @@ const SECTIONS: [Section; 20] = [
     Section { name: "target-bakes", write: targets::baked::write },
     Section { name: "relight", write: relight::write },
     Section { name: "latency", write: latency::write },
-    Section { name: "hardware", write: hardware::write },
+    Section { name: hardware::NAME, write: hardware::write },
     Section { name: "files", write: files::write },
     Section { name: "rays", write: rays::write },
     Section { name: "lamps", write: lamps::write },
@@ -92,8 +93,20 @@ const SECTIONS: [Section; 20] = [
 ];
 
 /// What `--quick` alone measures: five minutes on two cores.
-const IN_A_HURRY: [&str; 11] =
-    ["time", "paper", "growth", "fronts", "sitting", "ablations", "bakes", "skips", "matrix", "methods", "relight"];
+const IN_A_HURRY: [&str; 12] = [
+    "time",
+    time::OTHERS,
+    "paper",
+    "growth",
+    "fronts",
+    "sitting",
+    "ablations",
+    "bakes",
+    "skips",
+    "matrix",
+    "methods",
+    "relight",
+];
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -138,8 +151,8 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
     }
     let desk = Desk::new(quick, pages)?;
     let asked = |section: &&Section| match names {
-        [] if desk.quick => IN_A_HURRY.contains(&section.name),
-        [] => section.name != "hardware" || hardware::is_here(),
+        [] if desk.quick => IN_A_HURRY.contains(&section.name) && can_be_measured(&desk, section),
+        [] => can_be_measured(&desk, section),
         names => names.iter().any(|name| name == section.name),
     };
     let begun = Instant::now();
@@ -169,6 +182,15 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
     }
     complain(&format!("all sections took {:.0} s in this run", begun.elapsed().as_secs_f64()));
     Ok(())
+}
+
+/// Whether a section is measured here without being asked for: where what it needs is missing, the page keeps what it has.
+fn can_be_measured(desk: &Desk, section: &Section) -> bool {
+    match section.name {
+        hardware::NAME => hardware::is_here(),
+        time::OTHERS => time::has_others(desk),
+        _ => true,
+    }
 }
 
 fn put(path: &Path, page: &str) -> Result<()> {

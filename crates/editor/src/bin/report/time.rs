@@ -18,6 +18,9 @@ use super::fit::{secs_between, secs_words, spread, spread_words, tenths};
 use super::goal::gains_words;
 use super::plot::{Axis, Panel, Scale, Series};
 
+/// Name of the section of scenes that lie elsewhere.
+pub const OTHERS: &str = "time-others";
+
 /// Errors that times are told for, in dB.
 const TARGETS_DB: [f64; 2] = [30.0, 35.0];
 
@@ -78,11 +81,8 @@ pub(super) struct Point {
 }
 
 /// Classes of light in the order of the page, with their title and the name of their plot.
-const CHAPTERS: [(usize, &str, &str); 3] = [
-    (0, "Single lights", "time-single"),
-    (2, "All lights of the file", "time-full"),
-    (1, "Spots on a panel", "time-spots"),
-];
+const CHAPTERS: [(usize, &str, &str); 3] =
+    [(0, "Single lights", "single"), (2, "All lights of the file", "full"), (1, "Spots on a panel", "spots")];
 const CLASSES: [&str; 3] = ["single lights", "spots on a panel", "all lights of the file"];
 
 /// One scene's measurements.
@@ -106,26 +106,43 @@ impl Measured {
     }
 }
 
-/// Measures every scene that is at hand.
+/// Measures the scenes of the method's evaluation, and the first seconds.
 ///
 /// # Errors
 /// If a scene cannot be loaded or baked, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
+    Ok(measured(desk, ("time", "Error against time"), own(desk))? + &seconds::write(desk)?)
+}
+
+/// Measures the scenes of others that are at hand.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_others(desk: &Desk) -> Result<String> {
+    measured(desk, (OTHERS, "Error against time, in scenes of others"), others(desk))
+}
+
+/// Whether there are any: without them the page keeps what was measured elsewhere.
+pub fn has_others(desk: &Desk) -> bool {
+    !others(desk).is_empty()
+}
+
+fn measured(desk: &Desk, (section, title): (&str, &str), subjects: Vec<Subject>) -> Result<String> {
     let mut scenes = Vec::new();
-    for subject in subjects(desk) {
-        let mut measured: Measured = desk.part("time", subject.name, || {
+    for subject in subjects {
+        let mut measured: Measured = desk.part(section, subject.name, || {
             let scene = prepared(&subject)?;
             let (points, ends) = runs::measure(desk, &subject, &scene)?;
             Ok(Measured { n_cols: scene.lighting.basis.n_cols(), points, ends })
         })?;
         let curves = [Way::Fast, Way::Exact].map(|way| measured.curve(way, 0));
-        measured.points.extend(desk.part::<Vec<Point>>("time", &format!("{}, further", subject.name), || {
+        measured.points.extend(desk.part::<Vec<Point>>(section, &format!("{}, further", subject.name), || {
             runs::further(desk, &subject, curves.each_ref().map(Vec::as_slice))
         })?);
         scenes.push((subject, measured));
     }
     let mut text = format!(
-        "## Error against time\n\n\
+        "## {title}\n\n\
          CPU seconds (user and system), without loading the scene and building its hierarchy, against the error in dB: ours with growing\n\
          numbers of samples, from the preview on; the same samples without compression; a path-traced render per light, all of them; and one\n\
          render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
@@ -139,25 +156,30 @@ pub fn write(desk: &Desk) -> Result<String> {
         let panels = scenes.iter().map(|(subject, measured)| panel(subject, measured, class));
         let panels: Vec<Panel> = panels.filter(|panel| !panel.series.is_empty()).collect();
         text += &format!("\n### {what}\n");
-        text += &desk.plot(file, &format!("{what}: error against CPU time, by scene"), &panels)?;
+        text +=
+            &desk.plot(&format!("{section}-{file}"), &format!("{what}: error against CPU time, by scene"), &panels)?;
         text += &table(&scenes, class);
     }
     text += &ends(&scenes);
     text += &repeats(&scenes);
     text += &beside_samples(scenes.iter().map(|(subject, measured)| (subject.name, measured.points.as_slice())));
     text += &pays(&scenes);
-    text += &seconds::write(desk)?;
     Ok(text)
 }
 
-/// The scenes of the method's evaluation, then real ones where they are at hand.
-fn subjects(desk: &Desk) -> Vec<Subject> {
+/// The scenes of the method's evaluation.
+fn own(desk: &Desk) -> Vec<Subject> {
     let own: &[&str] = desk.choose(&["diffuse"], &["gallery", "diffuse", "reflections", "caustics", "mixed"]);
     let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 160, height: 120 }, 2));
     let own = own.iter().map(|name| {
         let path = desk.root.join(format!("assets/scenes/{name}.glb"));
         Subject { name, path, sky: None, film, step }
     });
+    own.collect()
+}
+
+/// Real scenes.
+fn others(desk: &Desk) -> Vec<Subject> {
     let real: &[(&str, &str, Option<&str>)] = &[
         ("conference", "scenes/conference.glb", None),
         ("staircase2", "scenes/bitterli-staircase2.glb", None),
@@ -168,7 +190,7 @@ fn subjects(desk: &Desk) -> Vec<Subject> {
         let sky = sky.map(|sky| desk.shared(sky));
         Some(Subject { name, path: desk.shared(path)?, sky: sky.map_or(Some(None), |sky| sky.map(Some))?, film, step })
     });
-    own.chain(real).collect()
+    real.collect()
 }
 
 /// Loads a scene and makes it ready for rays.
