@@ -4,6 +4,7 @@
 
 mod clock;
 mod denoise;
+mod ending;
 pub mod estimate;
 #[cfg(test)]
 mod floor;
@@ -19,7 +20,7 @@ pub mod stack;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clerestory_nystrom::rivals::Method;
 use clerestory_nystrom::{
@@ -709,9 +710,12 @@ impl BakeJob {
             let pass = pass as u32;
             let flow = run.pass(pass, samples, &blocks, &mut clock, &mut on_event)?;
             if flow.is_break() || run.end_pass(pass, &mut on_event).is_break() {
-                if run.deadline.as_ref().is_some_and(|deadline| deadline.has_struck) {
+                if run.has_struck() {
                     break;
                 }
+                return Ok(None);
+            }
+            if pass != last && !run.foresees_its_end() {
                 return Ok(None);
             }
             for own in of_irradiance.iter().filter(|own| own.follows == pass) {
@@ -721,8 +725,7 @@ impl BakeJob {
                 }
             }
         }
-        let has_struck = run.deadline.as_ref().is_some_and(|deadline| deadline.has_struck);
-        let header = run.header_at_the_end(has_struck);
+        let header = run.header_at_the_end(run.has_struck());
         Ok(run.into_matrices().and_then(|matrices| Bake::packing(header, matrices, focus)))
     }
 
@@ -855,27 +858,33 @@ struct Run<'a> {
 struct Deadline {
     begun: Instant,
     at: Instant,
+    /// What will be done once it has struck takes about so long.
+    ending: Duration,
     /// It came and ended a pass.
     has_struck: bool,
 }
 
 impl Deadline {
     fn new(at: Instant) -> Deadline {
-        Deadline { begun: Instant::now(), at, has_struck: false }
+        Deadline { begun: Instant::now(), at, ending: Duration::ZERO, has_struck: false }
     }
 
     /// Breaks once it has come; the preview, pass 0, is never cut short.
     fn strike(&mut self, pass: u32) -> ControlFlow<()> {
-        if pass > 0 && Instant::now() >= self.at {
+        if pass > 0 && self.left() <= self.ending {
             self.has_struck = true;
             return ControlFlow::Break(());
         }
         ControlFlow::Continue(())
     }
 
+    fn left(&self) -> Duration {
+        self.at.saturating_duration_since(Instant::now())
+    }
+
     /// 0…1, and seconds left.
     fn progress(&self) -> (f32, f32) {
-        let left = self.at.saturating_duration_since(Instant::now()).as_secs_f32();
+        let left = self.left().as_secs_f32();
         let all = self.at.saturating_duration_since(self.begun).as_secs_f32();
         ((1.0 - left / all.max(f32::MIN_POSITIVE)).clamp(0.0, 1.0), left)
     }
@@ -916,6 +925,11 @@ impl Run<'_> {
         let groups = &self.matrices[matrix];
         blocks.retain(|&block| groups.iter().any(|group| group.blocks[block as usize].is_none()));
         blocks
+    }
+
+    /// Whether a time that was up has ended the bake.
+    fn has_struck(&self) -> bool {
+        self.deadline.as_ref().is_some_and(|deadline| deadline.has_struck)
     }
 
     /// What the bake is of, once all is known about it.
@@ -1056,6 +1070,10 @@ impl Run<'_> {
             None => compress_by(guide, matrix, &partition, blocks, &config, on_block)?,
         };
         if flow.is_break() {
+            if let Some(arrivals) = arrivals.filter(|_| self.has_struck()) {
+                // Blocks that came have less noise already.
+                self.denoised = arrivals.finish(&|| !focus.is_left()).map(|(_, denoised)| denoised);
+            }
             return Ok(flow);
         }
         self.bias = bias;

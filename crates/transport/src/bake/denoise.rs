@@ -132,7 +132,7 @@ pub(super) struct Likenesses {
 }
 
 impl Likenesses {
-    fn denoiser(&self, job: &BakeJob) -> Denoiser<'_, Guides> {
+    pub(super) fn denoiser(&self, job: &BakeJob) -> Denoiser<'_, Guides> {
         let Likenesses { guides, light, partition } = self;
         Denoiser { partition, bundle_len: CHANNELS, preserved: job.preserved(light), likeness: guides }
     }

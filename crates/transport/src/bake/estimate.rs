@@ -55,12 +55,12 @@ pub struct BakeEstimate {
 }
 
 /// Blocks of a matrix that are tried, at most.
-fn most_tried() -> usize {
+pub(super) fn most_tried() -> usize {
     BLOCKS.max(BLOCKS_PER_THREAD * rayon::current_num_threads())
 }
 
 /// Some blocks all over a picture, in an order that covers it evenly from the first one on.
-fn spread(n_blocks: usize, most: usize) -> Vec<u32> {
+pub(super) fn spread(n_blocks: usize, most: usize) -> Vec<u32> {
     const GOLDEN: f64 = 0.618_033_988_749_895;
     let mut taken = vec![false; n_blocks];
     let places =
