@@ -89,9 +89,21 @@ impl<T: RealField + Copy> Dense<T> {
         }
         Self { n_rows, n_cols, data }
     }
+
+    /// Entry by entry the mean with another matrix of the same size.
+    pub(crate) fn mean_with(&self, other: &Self) -> Self {
+        let half: T = nalgebra::convert(0.5_f64);
+        let data = self.data.iter().zip(&other.data).map(|(&x, &y)| half * (x + y)).collect();
+        Self { n_rows: self.n_rows, n_cols: self.n_cols, data }
+    }
 }
 
 impl Dense<f32> {
+    /// Sum over all entries of the products with those of another matrix of the same size.
+    pub(crate) fn inner_product(&self, other: &Self) -> f64 {
+        (0..self.n_rows).map(|row| f64::from(dot(self.row(row), other.row(row)))).sum()
+    }
+
     /// The same numbers in double precision.
     pub(crate) fn to_f64(&self) -> Dense<f64> {
         Dense { n_rows: self.n_rows, n_cols: self.n_cols, data: self.data.iter().map(|&x| f64::from(x)).collect() }
@@ -181,5 +193,21 @@ pub(crate) mod tests {
 
     pub(crate) fn random(n_rows: usize, n_cols: usize, rng: &mut Random) -> Dense<f32> {
         Dense { n_rows, n_cols, data: (0..n_rows * n_cols).map(|_| rng.normal()).collect() }
+    }
+
+    #[test]
+    fn means_and_inner_products_agree_with_the_definition_entry_by_entry() {
+        let mut rng = Random::new([2, 5]);
+        let (a, b) = (random(7, 11, &mut rng), random(7, 11, &mut rng));
+        let mean = a.mean_with(&b);
+        let of_doubles = a.to_f64().mean_with(&b.to_f64());
+        assert_eq!([mean.n_rows, mean.n_cols, of_doubles.n_rows, of_doubles.n_cols], [7, 11, 7, 11]);
+        let mut sum = 0.0;
+        for (i, (x, y)) in a.data.iter().zip(&b.data).enumerate() {
+            assert_eq!(mean.data[i], 0.5 * (x + y));
+            assert_eq!(of_doubles.data[i], 0.5 * (f64::from(*x) + f64::from(*y)));
+            sum += f64::from(*x) * f64::from(*y);
+        }
+        assert!((a.inner_product(&b) - sum).abs() < 1e-4, "{} {sum}", a.inner_product(&b));
     }
 }

@@ -17,8 +17,7 @@ pub(crate) struct Fit {
 impl Fit {
     /// Mean of both halves' coefficients.
     pub(crate) fn mean(&self) -> Dense<f32> {
-        let data = self.a.data.iter().zip(&self.b.data).map(|(x, y)| 0.5 * (x + y)).collect();
-        Dense { data, ..self.a }
+        self.a.mean_with(&self.b)
     }
 
     /// Half of what the coefficients of both halves differ by: noise like that of their mean.

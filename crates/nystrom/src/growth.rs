@@ -100,11 +100,10 @@ impl<'a> Growth<'a> {
     /// Components in the span that stand out of the noise.
     fn n_components(&self) -> usize {
         let n_rows = self.means.mean.n_rows;
-        let [mut mean, b] =
+        let [a, b] =
             self.coefficients.each_ref().map(|parts| Dense::side_by_side(parts, n_rows).masked(&self.is_other));
-        let noise: f64 = mean.data.iter().zip(&b.data).map(|(x, y)| f64::from(0.5 * (x - y)).powi(2)).sum();
-        mean.data.iter_mut().zip(&b.data).for_each(|(x, y)| *x = 0.5 * (*x + y));
-        let mean = mean.to_f64();
+        let noise: f64 = a.data.iter().zip(&b.data).map(|(x, y)| f64::from(0.5 * (x - y)).powi(2)).sum();
+        let mean = a.mean_with(&b).to_f64();
         let floor = 3.0 * noise / self.basis.n_rows as f64;
         eigen(&product(mean.t(), mean.view())).0.iter().filter(|value| **value > floor).count()
     }

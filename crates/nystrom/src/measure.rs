@@ -12,7 +12,7 @@
 //! so weak that one half does not find them are found better in the mean, so the figure errs on the cautious side.
 
 use crate::{
-    dense::{Dense, dot},
+    dense::Dense,
     fit::{Fit, front},
     means::Means,
     product::product,
@@ -22,7 +22,7 @@ use crate::{
 /// the squared step, 2⁻¹⁰, over the mean square of numbers from 1 to 2.
 pub(crate) const PACKING: f64 = 6.8e-8;
 /// Share of what is there up to which a difference of energies in single precision has hardly a digit left.
-const ROUNDING: f64 = 1e-6;
+pub(crate) const ROUNDING: f64 = 1e-6;
 
 /// What the two independent fits tell about the factors of their mean.
 pub(crate) struct Measured {
@@ -136,7 +136,7 @@ impl<'a> Pair<'a> {
         if outside.abs() < ROUNDING * energy.abs() {
             let rest_a = minus(&means.a, &self.fit(0, width));
             let rest_b = (!self.is_one).then(|| minus(&means.b, &self.fit(1, width)));
-            outside = inner_product(&rest_a, rest_b.as_ref().unwrap_or(&rest_a));
+            outside = rest_a.inner_product(rest_b.as_ref().unwrap_or(&rest_a));
         }
         move |rank| outside + sums[rank.min(width)]
     }
@@ -157,7 +157,7 @@ impl<'a> Pair<'a> {
             return difference;
         }
         let rest = minus(&self.fit(0, rank), &self.fit(1, rank));
-        inner_product(&rest, &rest)
+        rest.inner_product(&rest)
     }
 
     /// F or G of a rank, entry by entry.
@@ -170,10 +170,6 @@ impl<'a> Pair<'a> {
 
 fn minus(x: &Dense<f32>, y: &Dense<f32>) -> Dense<f32> {
     Dense { data: x.data.iter().zip(&y.data).map(|(x, y)| x - y).collect(), ..*x }
-}
-
-fn inner_product(x: &Dense<f32>, y: &Dense<f32>) -> f64 {
-    (0..x.n_rows).map(|row| f64::from(dot(x.row(row), y.row(row)))).sum()
 }
 
 /// Share of a half's component that the other half must confirm for it to pay in the mean of both.

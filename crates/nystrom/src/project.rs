@@ -11,10 +11,10 @@ use std::array;
 use crate::{
     basis::extend_basis,
     compress::{ColumnGroup, CompressConfig, Tolerance, shade},
-    dense::{Dense, dot, eigen},
+    dense::{Dense, eigen},
     fit::Fit,
     means::Means,
-    measure::{Measured, least_agreement},
+    measure::{Measured, ROUNDING, least_agreement},
     preserve::preserve,
     product::{coefficients, combinations, power_step, product},
     random::Random,
@@ -31,8 +31,6 @@ const MANY: usize = 48;
 const WIDTHS: [f64; 2] = [0.4, 0.6];
 /// Share of the mean-square goal that narrowing may lose.
 const NARROWING: f64 = 0.125;
-/// Share of the energy up to which a difference of energies in single precision has hardly a digit left.
-const ROUNDING: f64 = 1e-6;
 
 /// Compresses one group of columns of a block.
 pub(crate) fn factor(
@@ -166,11 +164,11 @@ fn bases<const N: usize>(means: &Means, sketch: &Sketch, goal: f64, limit: usize
 /// grows with the third power of its dimensions. Steps of a power iteration from random vectors find it \[Halko2011\].
 fn narrowed(means: &Means, [a, b]: [&Dense<f32>; 2], goal: f64, rng: &mut Random) -> Option<[Dense<f32>; 2]> {
     let (n_wide, enough) = (a.n_cols, NARROWING * goal * means.n_entries());
-    let mut lost = common(a, b);
+    let mut lost = a.inner_product(b);
     if n_wide < MANY || enough < ROUNDING * lost {
         return None;
     }
-    let mean = (!means.is_exact()).then(|| mean_of(a, b));
+    let mean = (!means.is_exact()).then(|| a.mean_with(b));
     let mut basis = Dense::zeros(0, n_wide);
     let mut found: [Vec<Dense<f32>>; 2] = Default::default();
     for width in WIDTHS.map(|width| (width * n_wide as f64) as usize).map(|width| width.next_multiple_of(WIDE)) {
@@ -181,7 +179,7 @@ fn narrowed(means: &Means, [a, b]: [&Dense<f32>; 2], goal: f64, rng: &mut Random
         let new = basis.gather_rows(n_before..basis.n_rows);
         let of_a = coefficients(a, &new);
         let of_b = if mean.is_some() { coefficients(b, &new) } else { of_a.clone() };
-        lost -= common(&of_a, &of_b);
+        lost -= of_a.inner_product(&of_b);
         found[0].push(of_a);
         found[1].push(of_b);
         if lost <= enough {
@@ -189,15 +187,6 @@ fn narrowed(means: &Means, [a, b]: [&Dense<f32>; 2], goal: f64, rng: &mut Random
         }
     }
     None
-}
-
-fn mean_of(a: &Dense<f32>, b: &Dense<f32>) -> Dense<f32> {
-    Dense { data: a.data.iter().zip(&b.data).map(|(x, y)| 0.5 * (x + y)).collect(), ..*a }
-}
-
-/// ⟨A, B⟩
-fn common(a: &Dense<f32>, b: &Dense<f32>) -> f64 {
-    (0..a.n_rows).map(|row| f64::from(dot(a.row(row), b.row(row)))).sum()
 }
 
 /// Two steps from the coefficients of all rows back to the columns. Each half's basis is made of its own rows alone: the
@@ -225,11 +214,10 @@ fn refined<const N: usize>(
     let grams = [&a, &b].map(|half| product(half.t(), half.view()));
     let [half_a, half_b] = grams.each_ref().map(eigen);
     let width = width(worth(&half_a, &cross).max(worth(&half_b, &cross)));
+    let mean;
     let mut all = vec![(&a, half_a, &means.a), (&b, half_b, &means.b)];
-    let mut mean = Dense::zeros(0, 0);
     if N > all.len() {
-        mean.clone_from(&a);
-        mean.data.iter_mut().zip(&b.data).for_each(|(x, y)| *x = 0.5 * (*x + y));
+        mean = a.mean_with(&b);
         all.push((&mean, eigen(&mean_gram(&grams, &cross)), &means.mean));
     }
     array::from_fn(|i| stepped(all[i].0, &all[i].1, width, all[i].2))
@@ -350,10 +338,24 @@ mod tests {
         wide.data.iter_mut().zip(random(300, 60, &mut rng).data).for_each(|(x, other)| *x += 0.01 * other);
         let [a, b] = narrowed(&means, [&wide, &wide], 1e-3, &mut rng).unwrap();
         assert!(a.n_cols == 32 && a == b, "{} dimensions", a.n_cols);
-        let lost = common(&wide, &wide) - common(&a, &b);
-        assert!(lost.abs() < 2.0, "{lost} of {}", common(&wide, &wide));
+        let lost = wide.inner_product(&wide) - a.inner_product(&b);
+        assert!(lost.abs() < 2.0, "{lost} of {}", wide.inner_product(&wide));
         assert!(narrowed(&means, [&wide, &wide], 0.0, &mut rng).is_none());
         let flat = random(300, 60, &mut rng);
         assert!(narrowed(&means, [&flat, &flat], 1e-3, &mut rng).is_none());
+    }
+
+    #[test]
+    fn a_span_that_is_too_narrow_is_widened_for_both_halves() {
+        let (mut means, mut rng) = (exact(), Random::new([43, 0]));
+        means.noise[0] = f64::MIN_POSITIVE;
+        // Forty components of sixty dimensions: more than the first width that is tried holds, fewer than the second.
+        let wide = product(random(300, 40, &mut rng).view(), random(40, 60, &mut rng).view());
+        let mut noisy = wide.clone();
+        noisy.data.iter_mut().zip(random(300, 60, &mut rng).data).for_each(|(x, noise)| *x += 1e-3 * noise);
+        let [a, b] = narrowed(&means, [&wide, &noisy], 1e-3, &mut rng).unwrap();
+        assert!(a.n_cols == 48 && b.n_cols == 48 && a != b, "{} and {} dimensions", a.n_cols, b.n_cols);
+        let lost = wide.inner_product(&noisy) - a.inner_product(&b);
+        assert!(lost.abs() < 4.0, "{lost} of {}", wide.inner_product(&noisy));
     }
 }

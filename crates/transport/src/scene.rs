@@ -351,11 +351,15 @@ impl Material {
     /// casts caustics is none of that.
     pub fn mirrors_a_part(&self) -> bool {
         let is_smooth = !self.is_stretched() && crate::bsdf::is_mirror(self.roughness);
-        let has_coat = self.specular > 0.0 && !crate::bsdf::is_matched(self.ior);
         let has_smooth_lacquer =
             |finish: &Finish| finish.clearcoat > 0.0 && crate::bsdf::is_mirror(finish.clearcoat_roughness);
         let is_lacquered = self.finish.as_deref().is_some_and(has_smooth_lacquer);
-        !self.unlit && !self.casts_caustics() && (is_smooth && has_coat || is_lacquered)
+        !self.unlit && !self.casts_caustics() && (is_smooth && self.has_coat() || is_lacquered)
+    }
+
+    /// Whether there is an interface on its base that reflects.
+    fn has_coat(&self) -> bool {
+        self.specular > 0.0 && !crate::bsdf::is_matched(self.ior)
     }
 
     /// Whether metal or glass of the surface sends light another way than it came.
@@ -365,8 +369,7 @@ impl Material {
 
     /// Whether the surface is diffuse and nothing else, whatever its textures say.
     pub fn is_plainly_diffuse(&self) -> bool {
-        let has_coat = self.specular > 0.0 && !crate::bsdf::is_matched(self.ior);
-        !self.unlit && self.metallic <= 0.0 && self.transmission <= 0.0 && !has_coat && self.finish.is_none()
+        !self.unlit && self.metallic <= 0.0 && self.transmission <= 0.0 && !self.has_coat() && self.finish.is_none()
     }
 
     /// Whether light that other surfaces send here leaves again by a diffuse base alone, or not at all.

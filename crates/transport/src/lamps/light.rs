@@ -75,7 +75,7 @@ pub(crate) struct Through {
 pub(super) const POINT_RADIUS_M: f32 = 0.01;
 /// Bodies within so many of their radii are sampled by the angle that they fill.
 pub(super) const NEAR: f32 = 3.0;
-/// Bodies further away than so many of their radii are small.
+/// Bodies further away than so many of their radii are small, and so is a disk far away that is seen under no wider angle.
 const SMALL: f32 = 8.0;
 
 impl Lamp {
@@ -107,9 +107,13 @@ impl Lamp {
         self.is_body_within(NEAR, position)
     }
 
-    /// Whether all of a body lies in about the same direction.
+    /// Whether all of its light comes from about the same direction.
     pub(super) fn is_small_at(&self, position: Vec3) -> bool {
-        !self.is_body_within(SMALL, position)
+        match self.form {
+            // The squared sine of the angle from its middle to its rim.
+            Form::Distant { one_minus_cos, .. } => one_minus_cos * (2.0 - one_minus_cos) <= 1.0 / (SMALL * SMALL),
+            _ => !self.is_body_within(SMALL, position),
+        }
     }
 
     fn is_body_within(&self, radii: f32, position: Vec3) -> bool {
@@ -368,6 +372,21 @@ mod tests {
             let expected = (0.25 * radius_rad).sin().powi(2) / (0.5 * radius_rad).sin().powi(2);
             assert!(radius_rad < 0.1 || (inner - expected).abs() < 0.02, "{radius_rad}: {inner} of {expected}");
         }
+    }
+
+    #[test]
+    fn what_is_seen_under_a_wide_angle_is_not_small_however_far_away() {
+        let is_small = |shape| {
+            let lamps = PreparedLamps::new(&[lamp(shape)], None).expect("a lamp").0;
+            lamps.lamps()[0].lamp.is_small_at(Vec3::ZERO)
+        };
+        for (radius_rad, expected) in [(0.0, true), (0.12, true), (0.13, false), (0.7, false)] {
+            assert_eq!(is_small(LampShape::Directional { radius_rad }), expected, "{radius_rad}");
+        }
+        for (radius_m, expected) in [(0.12, true), (0.13, false)] {
+            assert_eq!(is_small(LampShape::Sphere { radius_m }), expected, "{radius_m}");
+        }
+        assert!(is_small(LampShape::Point));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::bvh::Ray;
 use crate::prepared::{PreparedScene, SurfaceHit, next_after};
 use crate::sampler::Sampler;
 use crate::scene::Material;
-use crate::slabs::hidden::{CLEAR, TOLERATED, parallel_rays};
+use crate::slabs::hidden::{CLEAR, TOLERATED, parallel_rays, ray};
 
 /// Surfaces that a ray meets at most.
 const MOST_SURFACES: u32 = 16;
@@ -51,7 +51,6 @@ impl PreparedLamp {
         if let Form::Distant { direction, .. } = self.lamp.form {
             return parallel_rays(scene, direction).into_iter().map(|ray| (ray, 1.0)).collect();
         }
-        let ray = |origin, direction| Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
         let beams = self.beams().into_iter();
         beams.map(|beam| (ray(beam.origin, beam.direction), beam.flux.max_element())).collect()
     }
@@ -96,8 +95,7 @@ fn mirror_shares(scene: &PreparedScene, (hit, bsdf): (&SurfaceHit, &Bsdf), sampl
     let (mut all, mut landed) = (0.0, 0.0);
     for lobe in bsdf.deltas().filter(|lobe| !lobe.transmitted) {
         let share = lobe.share.max_element();
-        let origin = hit.origin(hit.outward(lobe.wi));
-        let ray = Ray { origin, direction: lobe.wi, t_min: 0.0, t_max: f32::INFINITY };
+        let ray = ray(hit.origin(hit.outward(lobe.wi)), lobe.wi);
         all += share;
         landed += if scene.closest_behind_panes(&ray, sampler).is_some() { share } else { 0.0 };
     }

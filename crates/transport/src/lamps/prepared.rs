@@ -94,9 +94,9 @@ const STRONGEST: f32 = 1e12;
 const MOST_TURN_DEG: f32 = 360.001;
 /// Angle under which parallel light is seen, from rim to rim, degrees, with room for rounding.
 const MOST_ANGLE_DEG: f32 = 90.001;
-/// Points on a body of which irradiance is the mean: as many as a fan has.
+/// Points of a lamp with a size of which irradiance is the mean: as many as a fan has.
 const POINTS: usize = 16;
-/// The same on a body so far away that it is small: of many patches few see part of it.
+/// The same of a lamp that is seen under a small angle: of many patches few see part of it.
 const FEW_POINTS: usize = 4;
 
 impl PreparedLamps {
@@ -206,7 +206,7 @@ impl PreparedLamp {
     ) -> Vec3 {
         let n_points = if self.lamp.has_size() { n_points } else { 1 };
         let of_point = |nth: usize| {
-            let u = lattice(nth as u32);
+            let u = self.spread(nth, n_points);
             let way = self.lamp.through(&scene.slabs, (position, far), u, |wi| wi.dot(normal) > 0.0).way?;
             let lit = self.lamp.lit_along(&way, position, u, far)?;
             let cos = lit.wi.dot(normal);
@@ -215,6 +215,13 @@ impl PreparedLamp {
             (cos > 0.0).then(|| passed() * value)
         };
         (0..n_points).filter_map(of_point).sum::<Vec3>() / n_points as f32
+    }
+
+    /// One of so many points of the unit square, which stand for points of the lamp. A disk far away looks alike from everywhere: there
+    /// they have even steps from its middle to its rim, which bring a surface that faces it all of its lux.
+    fn spread(&self, nth: usize, n_points: usize) -> Vec2 {
+        let u = lattice(nth as u32);
+        if self.lamp.is_beyond() { Vec2::new((nth as f32 + 0.5) / n_points as f32, u.y) } else { u }
     }
 
     /// What of it comes straight.
@@ -234,7 +241,7 @@ impl PreparedLamp {
         }
         let (mut targets, mut values, mut n) = ([Vec3::ZERO; POINTS], [0.0; POINTS], 0);
         for nth in 0..n_points {
-            let Some(lit) = self.lamp.lit_well(position, lattice(nth as u32), far) else { continue };
+            let Some(lit) = self.lamp.lit_well(position, self.spread(nth, n_points), far) else { continue };
             let cos = lit.wi.dot(normal);
             if cos > 0.0 {
                 (targets[n], values[n]) = (lit.target, lit.factor * cos * response(cos));

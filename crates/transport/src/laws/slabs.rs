@@ -241,6 +241,21 @@ fn lamps_of_a_look_send_through_windows_what_lamps_of_the_file_send() {
     assert!((disk / point - 1.0).abs() < 2e-3, "{disk} lx, {point} lx");
 }
 
+#[test]
+fn parallel_light_of_a_look_brings_its_lux_however_wide_its_disk_is() {
+    let scene = floor(lambert(ALBEDO, 0.0)).prepared();
+    for radius_rad in [0.0, 0.1, 0.4, 0.7] {
+        let lamps = PreparedLamps::new(&[lamp(LampShape::Directional { radius_rad })], None).unwrap().0;
+        for (normal, most) in [(Vec3::Y, 1e-3), (Vec3::new(0.6, 0.8, 0.0), 0.015)] {
+            let sample = PatchSample { position: Vec3::ZERO, normal, weight: 1.0, radius_m: 0.0, grazing: 0.0 };
+            let (arriving, on_patch) = (lamps.irradiance(&scene, Vec3::ZERO, normal), lamps.light_on(&scene, &sample));
+            for lux in [arriving, on_patch] {
+                assert!((lux - normal.y).abs().max_element() < most, "{radius_rad}, facing {normal}: {lux}");
+            }
+        }
+    }
+}
+
 /// Share of a lamp's light that panes and coats mirror onto other surfaces, 0 where it is not told.
 fn mirrored(lamp: FreeLamp, stage: Stage) -> f32 {
     let told = PreparedLamps::new(&[lamp], None).unwrap().0.mirrored(&stage.prepared());

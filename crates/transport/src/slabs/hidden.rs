@@ -146,7 +146,8 @@ impl Sender<'_> {
     }
 }
 
-fn ray(origin: Vec3, direction: Vec3) -> Ray {
+/// A ray without an end.
+pub(crate) fn ray(origin: Vec3, direction: Vec3) -> Ray {
     Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
 }
 
