@@ -78,6 +78,7 @@ use recovery::Recovery;
 use sides::Sides;
 use solving::Solving;
 use start::with_its_scene;
+pub(crate) use start::without_window;
 pub use start::{Start, run};
 use typing::Typing;
 use undo::Steps;
