@@ -78,6 +78,7 @@ use recovery::Recovery;
 use sides::Sides;
 use solving::Solving;
 use start::with_its_scene;
+pub(crate) use start::without_window;
 pub use start::{Start, run};
 use typing::Typing;
 use undo::Steps;
@@ -516,6 +517,11 @@ impl eframe::App for App {
             eframe::set_value(storage, WELCOMED_KEY, &true);
         }
         self.camera.save(storage);
+    }
+
+    /// Where a system ends the program without a question, as the menu of a Mac does, what was not saved is offered at the next start.
+    fn on_exit(&mut self) {
+        self.keep_unsaved_now();
     }
 }
 

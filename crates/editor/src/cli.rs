@@ -8,7 +8,7 @@ mod estimate;
 pub mod gltf;
 mod info;
 mod interrupt;
-mod lamps;
+pub(crate) mod lamps;
 pub mod looks;
 pub(crate) mod picture;
 pub(crate) mod relight;

@@ -21,7 +21,11 @@ pub fn available_bytes() -> Option<u64> {
     {
         line_bytes(&std::fs::read_to_string("/proc/meminfo").ok()?, "MemAvailable:")
     }
-    #[cfg(not(target_os = "linux"))]
+    #[cfg(windows)]
+    {
+        memory_of_windows().map(|[_, left]| left)
+    }
+    #[cfg(not(any(target_os = "linux", windows)))]
     None
 }
 
@@ -31,8 +35,53 @@ pub fn memory_bytes() -> Option<u64> {
     {
         line_bytes(&std::fs::read_to_string("/proc/meminfo").ok()?, "MemTotal:")
     }
-    #[cfg(not(target_os = "linux"))]
+    #[cfg(target_os = "macos")]
+    {
+        memory_of_macos()
+    }
+    #[cfg(windows)]
+    {
+        memory_of_windows().map(|[all, _]| all)
+    }
+    #[cfg(not(any(target_os = "linux", target_os = "macos", windows)))]
     None
+}
+
+/// All memory of a Mac, bytes.
+#[cfg(target_os = "macos")]
+#[expect(unsafe_code, reason = "the C library has no safe name for it")]
+fn memory_of_macos() -> Option<u64> {
+    let (mut bytes, mut length) = (0_u64, size_of::<u64>());
+    let (name, nothing) = (c"hw.memsize", std::ptr::null_mut());
+    // SAFETY: the name ends with a zero, no more than `length` bytes are written to the number, and nothing is set.
+    let status = unsafe {
+        libc::sysctlbyname(name.as_ptr(), (&raw mut bytes).cast::<libc::c_void>(), &raw mut length, nothing, 0)
+    };
+    (status == 0 && length == size_of::<u64>()).then_some(bytes)
+}
+
+/// All memory of Windows, and what of it is left, bytes.
+#[cfg(windows)]
+#[expect(unsafe_code, reason = "the standard library has no name for it")]
+fn memory_of_windows() -> Option<[u64; 2]> {
+    /// As `MEMORYSTATUSEX` lies in memory.
+    #[repr(C)]
+    #[derive(Default)]
+    struct MemoryStatus {
+        length: u32,
+        percent_used: u32,
+        all: u64,
+        left: u64,
+        of_files_and_addresses: [u64; 5],
+    }
+    #[link(name = "kernel32")]
+    unsafe extern "system" {
+        fn GlobalMemoryStatusEx(status: *mut MemoryStatus) -> i32;
+    }
+    let mut status = MemoryStatus { length: size_of::<MemoryStatus>() as u32, ..MemoryStatus::default() };
+    // SAFETY: the structure is as the system defines it, and says its own length.
+    let is_told = unsafe { GlobalMemoryStatusEx(&raw mut status) } != 0;
+    is_told.then_some([status.all, status.left])
 }
 
 /// The value of a line `name: N kB`.

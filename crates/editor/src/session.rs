@@ -379,8 +379,9 @@ impl Session {
             self.loading_crashed(notices);
         }
         if has_crashed(&self.baking, ended[1]) {
-            self.others.extend(self.baking.take());
-            self.bake = BakeState::Failed(crash::words());
+            let words = crash::words();
+            notices.push(Notice::Failed(format!("the bake failed and can be started again: {words}")));
+            self.bake_ended(Err(words), notices);
         }
         if ended_finding.is_some() && ended_finding == self.finding {
             self.scene_found(Err(crash::words()), notices);
@@ -431,11 +432,31 @@ mod tests {
         let mut session = Session::new(Arc::new(|_| {}));
         session.bake = BakeState::Preparing;
         session.baking = session.spawn("bake", |_| panic!("injected by a test of the session"));
-        wait(&mut session, |session| !session.bake.is_running());
+        let mut notices = Vec::new();
+        while session.bake.is_running() {
+            notices.extend(session.drain());
+            std::thread::sleep(Duration::from_millis(2));
+        }
         assert!(matches!(&session.bake, BakeState::Failed(words) if words.contains("ended unexpectedly")));
+        let [Notice::Failed(words)] = notices.as_slice() else { panic!("{notices:?}") };
+        assert!(words.starts_with("the bake failed and can be started again: it ended unexpectedly"), "{words}");
         let bytes = include_bytes!("../tests/room.gltf").to_vec();
         session.open(Source::Bytes { name: "room.gltf".into(), bytes });
         wait(&mut session, |session| session.stage == Stage::Ready);
+    }
+
+    #[test]
+    fn a_bake_whose_keeping_panics_is_told_not_to_be_kept() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        let keeping = session.spawn("bake", |post| task::keep(&post, || panic!("injected by a test of the session")));
+        session.others.extend(keeping);
+        let mut notices = Vec::new();
+        while notices.is_empty() {
+            notices.extend(session.drain());
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let [Notice::Failed(words)] = notices.as_slice() else { panic!("{notices:?}") };
+        assert!(words.starts_with("the bake is not kept") && words.contains("ended unexpectedly"), "{words}");
     }
 
     #[test]

@@ -13,6 +13,7 @@ pub mod placing;
 pub mod probe;
 pub mod zoom;
 
+use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::{
@@ -51,6 +52,8 @@ pub struct Viewed<'a> {
     pub is_glimpse: bool,
     /// Scene and camera of the picture, where they are known and lights can be dragged in it.
     pub scene: Option<(&'a PreparedScene, &'a Camera)>,
+    /// The lights that the picture is made of: a scene may have others by now.
+    pub baked: Option<&'a LightBasis>,
     /// Side of a comparison on which they can, 0 without one.
     pub handled: usize,
     /// Whose gestures move it.
@@ -205,7 +208,7 @@ fn touch_ui(
             Some((scene, camera)) => {
                 let sight = Sight { scene, camera, film, image: images[nth] };
                 let seen = response.clone().with_new_rect(part);
-                is_free &= handles_ui(ui, &seen, &sight, state, (look, lights), actions);
+                is_free &= handles_ui(ui, &seen, (&sight, viewed.baked), state, (look, lights), actions);
             }
             None => {
                 grab_picture(response, state);
@@ -223,7 +226,7 @@ fn touch_ui(
 fn handles_ui(
     ui: &mut Ui,
     response: &Response,
-    sight: &Sight,
+    (sight, baked): (&Sight, Option<&LightBasis>),
     state: &mut ViewState,
     (look, lights): (&mut Look, &mut LightsState),
     actions: &mut Vec<Action>,
@@ -233,7 +236,7 @@ fn handles_ui(
     let pointed = lights.pointed.take();
     let mut is_free = !lamps::lamps_ui(ui, response, sight, look, lights, actions);
     if !lights.lamps.aiming && lights.lamps.drag.is_none() {
-        is_free &= !names::marks_ui(ui, response, sight, look, lights, actions);
+        is_free &= !names::marks_ui(ui, response, (sight, baked), look, lights, actions);
         if lights.lamps.pulled_at.is_none() {
             drag_spots(ui, response, &picker, state, look, &mut lights.spot);
         }

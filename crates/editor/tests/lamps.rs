@@ -763,6 +763,36 @@ fn lamps_are_muted_and_soloed_where_they_hang() {
 }
 
 #[test]
+fn a_lamp_that_its_file_has_since_the_bake_says_so_instead_of_being_set() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.transport");
+    archive::write(&baked().state().session().shown.as_ref().unwrap().bake(), &path).unwrap();
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    nodes.push(json!({"name": "newer", "translation": [-0.4, 0.5, -0.2],
+        "extensions": {"KHR_lights_punctual": {"light": 0}}}));
+    let node = nodes.len() - 1;
+    gltf["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(node));
+    std::fs::write(folder.path().join("room.gltf"), gltf.to_string()).unwrap();
+
+    let mut window = open(Source::File(path));
+    wait(&mut window, |app| app.session().lamp_scene().is_some() && app.n_pictures() > 0);
+    wait(&mut window, App::is_settled);
+    let places = [Vec3::new(0.3, 0.6, -0.2), Vec3::new(-0.4, 0.5, -0.2)];
+    let [known, newer] = places.map(|at| on_screen(&window, at));
+    ask_for_menu(&mut window, known);
+    click(&mut window, "Mute");
+    assert!(window.state().look().lights.own_setting("lamp").muted);
+    let before = window.state().look().clone();
+    ask_for_menu(&mut window, newer);
+    window.get_by_label_contains("bake it again to set this lamp");
+    for offered in ["Mute", "Solo this alone", "Make movable", "Duplicate"] {
+        assert!(window.query_by_label(offered).is_none(), "{offered}");
+    }
+    assert_eq!(*window.state().look(), before);
+}
+
+#[test]
 fn a_light_tells_its_name_where_the_pointer_is_on_it() {
     const OF_LAMP: &str = "lamp, click to choose it, drag to move it";
     const OF_PANEL: &str = "panel, drag to place a spot of light";

@@ -198,6 +198,43 @@ fn without_a_display_frames_that_are_black_are_told() {
     assert!(told.contains("the picture of as-designed is black"), "{told}");
 }
 
+/// Elsewhere nothing says where the state of the window is.
+#[cfg(target_os = "linux")]
+#[test]
+fn without_a_display_a_look_lights_the_scene_that_was_open_last() {
+    let folder = desk();
+    let lit = |intensity: f32| serde_json::json!({"lamp": {"intensity": intensity}});
+    let spare = serde_json::json!({"key": "spare", "type": "point", "position": [0, 0, 0], "strength": 3});
+    let dark = serde_json::json!({"lamp": {"muted": true}});
+    let look = serde_json::json!({"clerestory": 1, "lights": lit(2.0), "looks": [
+        {"name": "Half / dim", "lights": lit(0.5)}, {"name": "Spare", "lights": dark, "lamps": [spare]},
+    ]});
+    std::fs::write(folder.path().join("evening.look"), look.to_string()).unwrap();
+    std::fs::create_dir_all(folder.path().join("state/clerestory")).unwrap();
+    let run_after = |recent: &[&str]| {
+        let recent: Vec<_> = recent.iter().map(|name| folder.path().join(name)).collect();
+        let state = serde_json::json!({"recent": serde_json::json!(recent).to_string()});
+        std::fs::write(folder.path().join("state/clerestory/app.ron"), state.to_string()).unwrap();
+        let mut command = clerestory(folder.path());
+        command.env("XDG_DATA_HOME", folder.path().join("state")).args(["evening.look", "--json"]);
+        command.output().unwrap()
+    };
+    let output = run_after(&["evening.look", "gone.gltf", "room.gltf"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let names: Vec<String> = names_in(&folder.path().join("frames"));
+    let looks = ["Half - dim", "Spare", "evening"];
+    assert_eq!(names, looks.map(|look| ["exr", "png"].map(|ending| format!("{look}.{ending}"))).concat());
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(told["warnings"].to_string().contains("where it falls"), "{}", told["warnings"]);
+    let of_spare = clerestory::compare::read_part(&folder.path().join("frames/Spare.exr")).unwrap().0;
+    assert!(of_spare.pixels.iter().any(|rgb| rgb[0] > 0.0), "the added lamp alone shines there");
+
+    std::fs::write(folder.path().join("old.transport"), "").unwrap();
+    let output = run_after(&["old.transport", "room.gltf"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(1) && said.contains("old.transport --look evening.look -o OUT.png"), "{said}");
+}
+
 /// Some two dozen blocks.
 const SHORT_BAKE: &str = "bake room.gltf --size 96x64 --spp 48 --threads 1 -o";
 

@@ -217,6 +217,20 @@ fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
 }
 
 #[test]
+fn lights_are_kept_at_once_where_the_system_ends_the_program_without_asking() {
+    let home = tempfile::tempdir().unwrap();
+    let mut window = ready_of(home.path());
+    click(&mut window, "Mute lamp");
+    let look = window.state().look().clone();
+    // Nobody waits until it has been unsaved for a while.
+    eframe::App::on_exit(window.state_mut());
+    drop(window);
+    let mut window = ready_of(home.path());
+    click(&mut window, "Recover");
+    assert_eq!(*window.state().look(), look);
+}
+
+#[test]
 fn what_a_second_window_left_is_offered_once_that_of_the_first_is_saved() {
     let home = tempfile::tempdir().unwrap();
     let open = || ready_of(home.path());

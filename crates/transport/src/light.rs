@@ -157,6 +157,12 @@ impl LightRig {
             && self.lamps.iter().any(|lamp| lamp.replaces.as_deref() == Some(key))
     }
 
+    /// The lights of which [`LightRig::is_replaced`] holds: for many lights at once, as each of them would go through all lamps.
+    pub fn replaced(&self) -> BTreeSet<&str> {
+        let of_file = self.lamps.iter().filter_map(|lamp| lamp.replaces.as_deref());
+        of_file.filter(|key| self.lights.get(*key).is_some_and(|setting| setting.muted)).collect()
+    }
+
     /// The free lamps, set by themselves and by their groups.
     pub fn lit_lamps(&self) -> Vec<FreeLamp> {
         let lit = |lamp: &FreeLamp| FreeLamp { setting: self.in_groups(&lamp.key, lamp.setting), ..lamp.clone() };
@@ -309,6 +315,30 @@ mod tests {
         assert!(rig.setting("b").muted && !rig.setting("a").muted);
         rig.set("a", LightSetting::default());
         assert!(rig.lights.is_empty(), "what equals the scene leaves no trace");
+    }
+
+    #[test]
+    fn lights_in_whose_place_lamps_shine_are_replaced_while_they_are_off() {
+        let mut rig = LightRig::default();
+        let lamp = |key: &str, replaces: Option<&str>| FreeLamp {
+            key: key.to_owned(),
+            shape: LampShape::Point,
+            position: Vec3::ZERO,
+            aim: Vec3::NEG_Y,
+            strength: 1.0,
+            unit: LampUnit::Candela,
+            setting: LightSetting::default(),
+            turn_rad: 0.0,
+            replaces: replaces.map(str::to_owned),
+        };
+        rig.lamps = vec![lamp("1", Some("off")), lamp("2", Some("on")), lamp("3", Some("off")), lamp("4", None)];
+        for key in ["off", "alone"] {
+            rig.set(key, LightSetting { muted: true, ..LightSetting::default() });
+        }
+        assert_eq!(rig.replaced(), BTreeSet::from(["off"]));
+        for key in ["off", "on", "alone", "4"] {
+            assert_eq!(rig.is_replaced(key), rig.replaced().contains(key), "{key}");
+        }
     }
 
     #[test]

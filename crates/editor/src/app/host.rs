@@ -149,6 +149,7 @@ impl eframe::App for Host {
         if self.is_leaving {
             self.left.replace(self.app.take().map(|app| (app, self.ctx.clone())));
         }
+        self.app.iter_mut().for_each(|app| app.on_exit());
     }
 }
 

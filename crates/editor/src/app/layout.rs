@@ -258,6 +258,7 @@ impl App {
             bake: &self.session.bake,
             is_glimpse: self.session.is_glimpse(),
             scene: scene.zip(shown_camera).filter(|_| handled.is_some()),
+            baked: self.session.shown.as_ref().map(|shown| &shown.header.basis),
             handled: handled.unwrap_or_default(),
             navigation: self.camera.habits.navigation,
             legends,

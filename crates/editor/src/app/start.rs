@@ -1,13 +1,15 @@
 //! How the window starts, and with which settings.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Result;
-use eframe::egui;
 use eframe::egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
-use eframe::wgpu;
+use eframe::{Storage, egui, wgpu};
+use serde::de::DeserializeOwned;
 
+use super::RECENT_KEY;
 use super::host::run_windows;
 use super::icon::icon;
 use super::recovery;
@@ -54,6 +56,40 @@ pub(super) fn with_its_scene(source: Source, recent: &[PathBuf]) -> (Source, Opt
     }
 }
 
+/// The same of what somebody asks for who gets no window: what was open last stands where eframe keeps the window's state.
+pub(crate) fn without_window(open: Option<PathBuf>) -> (Source, Option<PathBuf>) {
+    let state = eframe::storage_dir("clerestory").map(|folder| folder.join("app.ron"));
+    let state = state.and_then(|file| std::fs::read_to_string(file).ok());
+    let recent = state.and_then(recent_in).unwrap_or_default();
+    with_its_scene(open.map_or(Source::BuiltIn, Source::File), &recent)
+}
+
+/// The recent files that a window left in the text of its state.
+fn recent_in(state: String) -> Option<Vec<PathBuf>> {
+    let state: HashMap<String, String> = decoded(state)?;
+    decoded(state.get(RECENT_KEY)?.clone())
+}
+
+/// What eframe wrote, read by itself.
+fn decoded<T: DeserializeOwned>(text: String) -> Option<T> {
+    eframe::get_value(&Text(text), RECENT_KEY)
+}
+
+/// One text, whatever it is asked by.
+struct Text(String);
+
+impl Storage for Text {
+    fn get_string(&self, _key: &str) -> Option<String> {
+        Some(self.0.clone())
+    }
+
+    fn set_string(&mut self, _key: &str, _value: String) {}
+
+    fn remove_string(&mut self, _key: &str) {}
+
+    fn flush(&mut self) {}
+}
+
 /// Opens the window and stays until it is closed.
 ///
 /// # Errors
@@ -96,4 +132,19 @@ fn options() -> eframe::NativeOptions {
 /// Everything that the adapter can do: factors of a large bake exceed the default limits.
 fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
     wgpu::DeviceDescriptor { label: Some("clerestory"), required_limits: adapter.limits(), ..Default::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recent_files_are_found_in_what_a_window_left() {
+        let state = r#"{"lights": "(view:List)", "recent": "[\"/looks/dusk.look\",\"/rooms/hall.glb\"]"}"#;
+        let recent = ["/looks/dusk.look", "/rooms/hall.glb"].map(PathBuf::from);
+        assert_eq!(recent_in(state.into()), Some(recent.to_vec()));
+        for other in ["", "{}", "nothing of ours", r#"{"recent": "7"}"#] {
+            assert_eq!(recent_in(other.into()), None, "{other}");
+        }
+    }
 }

@@ -49,7 +49,7 @@ pub struct Arguments {
 }
 
 const EDITOR_EXAMPLE: &str = "Example: clerestory room.glb\n\
-    Without a display the scene is baked, relit under three looks, and written to frames/ in the current folder.";
+    Without a display the scene is baked, relit under three looks or those of the .look, and written to frames/ in the current folder.";
 const BAKE_EXAMPLE: &str = "Example: clerestory bake room.glb -o room.transport --size 640x480 --panel Ceiling=16\n         \
     or: clerestory bake room.glb -o room.transport --ies Downlight=maker/downlight.ies\n         \
     or: clerestory bake room.glb -o room.transport --irradiance --sensors Desk=16x8 --work-plane 0.75\n         \

@@ -80,7 +80,7 @@ impl Interrupt {
     }
 
     /// From here on the first signal is kept for [`Interrupt::came`], and the second ends the process.
-    pub(super) fn heeded(&mut self) -> Result<Interrupt> {
+    pub(crate) fn heeded(&mut self) -> Result<Interrupt> {
         if std::mem::take(&mut self.listens) {
             for signal in [SIGINT, SIGTERM] {
                 let code = i32::from(SIGNAL_BASE) + signal;
@@ -95,12 +95,12 @@ impl Interrupt {
     }
 
     /// Whether the command shall end.
-    pub(super) fn came(&self) -> bool {
+    pub(crate) fn came(&self) -> bool {
         self.signal.load(Ordering::Relaxed) != 0
     }
 
     /// The end of a command that heeded it.
-    pub(super) fn stopped(&self, kept: String) -> anyhow::Error {
+    pub(crate) fn stopped(&self, kept: String) -> anyhow::Error {
         Stopped { signal: self.signal.load(Ordering::Relaxed), kept }.into()
     }
 

@@ -105,6 +105,10 @@ impl Arriving {
 pub(super) const DIRECT_LUX: &str = "the irradiance counts the light of the look's lamps where it falls, not what surfaces make \
     of it; bake the scene again with --patches 4096 for that";
 
+/// What is said where a scene throws light of lamps that is not found.
+const NO_CAUSTICS: &str = "light of the look's lamps that mirrors or clear bodies of glass throw onto other surfaces (caustics) is \
+    missing; `trace` shows it for lamps with a body";
+
 /// What lamps add to the light that arrives.
 pub(super) fn added_lux(lamps: &[LampLight]) -> AddedLux {
     let mut added = AddedLux::default();
@@ -190,12 +194,17 @@ pub(super) fn stage(
     }
     let (scene, camera) = open(&bake.header, scene, console)?;
     if scene.casts_caustics() {
-        console.warn(
-            "light of the look's lamps that mirrors or clear bodies of glass throw onto other surfaces (caustics) is missing; \
-             `trace` shows it for lamps with a body",
-        );
+        console.warn(NO_CAUSTICS);
     }
     Ok(Some((scene, camera)))
+}
+
+/// Says what of the light of lamps, if there are any, is missing in pictures of a scene; the look lies there.
+pub(crate) fn warn_of_lacking(lamps: &[FreeLamp], look: Option<&Path>, scene: &PreparedScene, console: &mut Console) {
+    if !lamps.is_empty() && scene.casts_caustics() {
+        console.warn(NO_CAUSTICS);
+    }
+    warn_of_mirrored(lamps, look, scene, console);
 }
 
 /// Names lamps of whose light panes and coats mirror a part that is missing, with the most that it is of those of one name. What is wrong

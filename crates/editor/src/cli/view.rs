@@ -77,7 +77,7 @@ pub(super) fn inputs_of(args: &ViewArgs) -> impl Iterator<Item = (&'static str, 
 }
 
 /// Refuses an output that would overwrite a look or a sky that it names.
-pub(super) fn spare_look(output: &Path, path: Option<&Path>, look: &Look) -> Result<()> {
+pub(crate) fn spare_look(output: &Path, path: Option<&Path>, look: &Look) -> Result<()> {
     let Some(path) = path else { return Ok(()) };
     let skies = look.rigs().filter_map(|rig| rig.sky.as_ref()?.file.as_deref());
     let skies: Vec<PathBuf> = skies.map(|file| path.parent().unwrap_or(Path::new("")).join(file)).collect();

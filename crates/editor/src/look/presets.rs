@@ -64,8 +64,9 @@ impl Preset {
     /// The preset for a scene with these lights. The sky of `look` stays, and so do its free lamps, where they are; all are
     /// dimmed like the others. Lights in whose place a free lamp shines stay dark.
     pub fn of(self, basis: &LightBasis, look: &Look) -> Snapshot {
+        let stood_in_for = look.lights.replaced();
         let (replaced, own): (Vec<&LightSource>, Vec<&LightSource>) =
-            basis.sources.iter().partition(|source| look.lights.is_replaced(&source.key));
+            basis.sources.iter().partition(|source| stood_in_for.contains(source.key.as_str()));
         let parts: Vec<(&LightSource, Part)> = own.into_iter().map(|source| (source, part(source))).collect();
         let lamps = look.lights.lamps.iter().map(|lamp| (lamp, lamp_part(lamp)));
         let lamps: Vec<(&FreeLamp, Part)> = lamps.collect();

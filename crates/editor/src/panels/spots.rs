@@ -67,7 +67,7 @@ pub fn spots_ui(
 }
 
 /// Spots of a file as a look holds them.
-fn taken_over(marked: &[PanelSpot]) -> Vec<PanelSpot> {
+pub fn taken_over(marked: &[PanelSpot]) -> Vec<PanelSpot> {
     marked.iter().map(|spot| spot.within_limits()).collect()
 }
 

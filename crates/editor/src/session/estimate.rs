@@ -12,6 +12,7 @@ use super::begun::Asked;
 use super::task::{Fact, Post, Task, beside_the_window, most_reused};
 use super::{BakeSettings, Session};
 use crate::bake_cache::{BakeCache, Found};
+use crate::crash;
 
 /// How long settings must stay before blocks are tried, and how long they are tried.
 const SETTLED: Duration = Duration::from_millis(600);
@@ -84,8 +85,9 @@ impl Session {
                 self.forecasting.n_threads = n_threads;
                 let (focus, earlier, cache) =
                     (self.forecasting.focus.clone(), self.earlier_bakes(), self.cache.clone());
-                let body = move |post: Post| estimate(&job, n_threads, (earlier, cache), &focus, &post);
-                self.forecasting.task = self.spawn("estimate", body);
+                self.forecasting.task = self.spawn("estimate", move |post| {
+                    guarded(&post, || estimate(&job, n_threads, (earlier, cache), &focus, &post));
+                });
             }
             Err(why) => self.forecasting.answer = Forecast::Failed(why),
         }
@@ -102,6 +104,15 @@ impl Session {
             self.others.extend(self.forecasting.task.take());
             self.forecasting.answer = answer;
         }
+    }
+}
+
+/// Does what answers with a forecast; where it panics, nobody waits for one any longer.
+fn guarded(post: &Post, job: impl FnOnce()) {
+    let Err(words) = crash::guarded(job) else { return };
+    let words = format!("what the bake will take was not found out, and it can be started all the same: {words}");
+    for fact in [Fact::Foreseen(Forecast::Failed(words.clone())), Fact::Warned(words)] {
+        let _ = post.send(fact, Duration::ZERO);
     }
 }
 
@@ -137,5 +148,28 @@ fn estimate(
         Ok(None) => {}
         Ok(Some(estimate)) => answer(Forecast::Told(estimate)),
         Err(why) => answer(Forecast::Failed(why)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Notice;
+    use super::*;
+
+    #[test]
+    fn an_estimate_that_panics_is_told_and_nobody_waits_for_it() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        session.forecasting.answer = Forecast::Trying;
+        session.forecasting.task = session.spawn("estimate", |post| {
+            guarded(&post, || panic!("injected by a test of the estimate"));
+        });
+        let mut notices = Vec::new();
+        while *session.forecast() == Forecast::Trying || notices.is_empty() {
+            notices.extend(session.drain());
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let [Notice::Failed(words)] = notices.as_slice() else { panic!("{notices:?}") };
+        assert!(words.contains("can be started all the same: it ended unexpectedly"), "{words}");
+        assert_eq!(*session.forecast(), Forecast::Failed(words.clone()));
     }
 }

@@ -28,6 +28,7 @@ use super::glimpse::{self, Glimpse};
 use super::room::all_threads;
 use super::{Chosen, ChosenSky, Wake};
 use crate::bake_cache::{BakeCache, Found};
+use crate::crash;
 use crate::export_gltf::Lit;
 use crate::headless::GALLERY;
 use crate::look::Look;
@@ -355,10 +356,22 @@ pub(super) fn bake(
     let baked = result.as_ref().ok().cloned().flatten();
     let _ = post.send(Fact::BakeEnded(result), Duration::ZERO);
     if let (Some((place, cache)), Some(bake)) = (cached, baked) {
-        match cache.keep(&place, &bake) {
-            Ok(_) => kept.into_iter().for_each(UnderWay::remove),
-            Err(error) => drop(post.send(Fact::Written(Err(in_words(&error))), Duration::ZERO)),
-        }
+        keep(&post, || {
+            cache.keep(&place, &bake)?;
+            kept.into_iter().for_each(UnderWay::remove);
+            Ok(())
+        });
+    }
+}
+
+/// Keeps what is baked already; where that fails, or panics, it is told.
+pub(super) fn keep(post: &Post, job: impl FnOnce() -> Result<()>) {
+    let lost = match crash::guarded(job) {
+        Ok(kept) => kept.err().map(|error| in_words(&error)),
+        Err(words) => Some(format!("the bake is not kept for the next time; save it if it is to stay: {words}")),
+    };
+    if let Some(words) = lost {
+        let _ = post.send(Fact::Written(Err(words)), Duration::ZERO);
     }
 }
 

@@ -10,7 +10,7 @@ use glam::Vec2;
 
 use super::lamps::tell;
 use crate::look::Look;
-use crate::panels::spots::{HANDLE_REACH, NEW_SPOT, nearest};
+use crate::panels::spots::{HANDLE_REACH, NEW_SPOT, nearest, taken_over};
 use crate::theme;
 
 /// What the pointer holds.
@@ -127,9 +127,8 @@ impl PanelPicker<'_> {
 
     /// Those of the look, which takes over what the file has.
     fn own_spots<'a>(&self, key: &str, look: &'a mut Look) -> &'a mut Vec<PanelSpot> {
-        let marked = self.scene.lighting.basis.spots.get(key).into_iter().flatten();
-        let of_file = || marked.map(|spot| spot.within_limits()).collect();
-        look.lights.panels.entry(key.to_owned()).or_insert_with(of_file)
+        let marked = self.scene.lighting.basis.spots.get(key).map_or(&[] as &[PanelSpot], Vec::as_slice);
+        look.lights.panels.entry(key.to_owned()).or_insert_with(|| taken_over(marked))
     }
 
     /// The handle within reach of the pointer.

@@ -1,6 +1,6 @@
 //! Lights of the file in the picture: marks where its lamps hang, and the name of what shines under the pointer.
 
-use clerestory_transport::basis::{LightSource, SourceKind};
+use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::bvh::Ray;
 use clerestory_transport::emitters::{Emitter, Lighting};
 use clerestory_transport::prepared::PreparedScene;
@@ -8,8 +8,8 @@ use clerestory_transport::sampler::Sampler;
 use clerestory_transport::scene::PunctualLight;
 use eframe::egui::accesskit::Role;
 use eframe::egui::{
-    self, Align2, Color32, CursorIcon, FontId, Id, Painter, PointerButton, Pos2, Rect, Response, Sense, Stroke, Ui,
-    Vec2, vec2,
+    self, Align2, Color32, CursorIcon, FontId, Id, Painter, PointerButton, Pos2, Rect, Response, RichText, Sense,
+    Stroke, Ui, Vec2, vec2,
 };
 use glam::Vec3;
 
@@ -35,13 +35,16 @@ const MOST_NAMES: usize = 8;
 const MOST_RAYS: usize = 400;
 /// Share of the light of a lamp behind glass that must come through for its mark to be seen.
 const SEEN: f32 = 0.05;
+/// What the menu of a lamp says that the picture does not know.
+const NOT_BAKED: &str = "Not in this bake: open its scene and bake it again to set this lamp";
 
 /// Draws a mark where each lamp of the file is seen while the pointer is in the picture; a click on one chooses it, a drag takes
-/// it along. Answers whether one is under the pointer.
+/// it along. `baked` are the lights of the picture, which are not those of a file that was changed since. Answers whether one is under the
+/// pointer.
 pub fn marks_ui(
     ui: &Ui,
     picture: &Response,
-    sight: &Sight,
+    (sight, baked): (&Sight, Option<&LightBasis>),
     look: &mut Look,
     lights: &mut LightsState,
     actions: &mut Vec<Action>,
@@ -49,14 +52,16 @@ pub fn marks_ui(
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
     let is_near = ui.input(|input| input.pointer.hover_pos()).is_some_and(|at| picture.rect.contains(at));
     let is_meant = |lights: &LightsState, key: &str| lights.is_selected(key) || lights.chosen.as_deref() == Some(key);
+    let replaced = look.lights.replaced();
     let in_view = lamps(sight.scene).filter_map(|(source, light)| {
         // A lamp that was moved away hangs there no longer.
-        let is_there = !look.lights.is_replaced(&source.key) && (is_near || is_meant(lights, &source.key));
+        let is_there = !replaced.contains(source.key.as_str()) && (is_near || is_meant(lights, &source.key));
         let at = sight.seen_at(light.position).filter(|at| is_there && painter.clip_rect().contains(*at))?;
         Some((source, light, at))
     });
     let in_view: Vec<(&LightSource, &PunctualLight, Pos2)> = in_view.collect();
     let in_view = with_ray(in_view, |(source, ..)| is_meant(lights, &source.key));
+    let is_baked = |key: &str| baked.is_none_or(|basis| basis.source(key).is_some());
     let mut touched = false;
     for (source, light, at) in in_view {
         if !is_seen(sight, light.position) {
@@ -74,7 +79,11 @@ pub fn marks_ui(
         ring(&painter, at, color.gamma_multiply(strength));
         if response.hovered() {
             ui.ctx().set_cursor_icon(CursorIcon::PointingHand);
-            let drag = if is_measured { "it is measured and stays where it is" } else { "drag to move it" };
+            let drag = match is_measured {
+                _ if !is_baked(&source.key) => "it is not in this bake",
+                true => "it is measured and stays where it is",
+                false => "drag to move it",
+            };
             hint(ui, picture.rect, &format!("{name}, click to choose it, {drag}"));
         }
         // Who presses before the mark is known to be under the pointer has hold of the picture.
@@ -92,7 +101,10 @@ pub fn marks_ui(
         } else if response.secondary_clicked() {
             choose(lights, &source.key, Pick::Alone);
         }
-        context_menu(&response, |ui| mark_menu(ui, (&source.key, is_measured), (look, lights), actions));
+        context_menu(&response, |ui| match is_baked(&source.key) {
+            true => mark_menu(ui, (&source.key, is_measured), (look, lights), actions),
+            false => _ = ui.label(RichText::new(NOT_BAKED).weak()),
+        });
         touched |= response.hovered() || response.clicked();
     }
     touched
@@ -138,7 +150,8 @@ pub fn selected_ui(
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
     let is_meant = |key: &str| lights.is_selected(key) || pointed == Some(key);
     let sources = sight.scene.lighting.basis.sources.iter();
-    let sources = sources.filter(|source| is_meant(&source.key) && !look.lights.is_replaced(&source.key));
+    let replaced = look.lights.replaced();
+    let sources = sources.filter(|source| is_meant(&source.key) && !replaced.contains(source.key.as_str()));
     let of_file = sources.filter_map(|source| {
         let has_mark = matches!(source.kind, SourceKind::Point | SourceKind::Spot) && lights.is_selected(&source.key);
         Some((source.key.as_str(), source.origin.position?, has_mark))

@@ -88,7 +88,8 @@ pub(super) fn toggle(solo: &mut BTreeSet<String>, keys: &[String]) {
 
 /// Mutes all of some lights, or none if all were. One in whose place a lamp shines stays off among others: both would shine.
 pub(super) fn toggle_mute(rig: &mut LightRig, keys: &[String]) {
-    let free: Vec<&String> = keys.iter().filter(|key| !rig.is_replaced(key)).collect();
+    let replaced = rig.replaced();
+    let free: Vec<&String> = keys.iter().filter(|key| !replaced.contains(key.as_str())).collect();
     let keys = if free.is_empty() { keys.iter().collect() } else { free };
     let is_all = keys.iter().all(|key| rig.own_setting(key).muted);
     for key in keys {
