@@ -19,7 +19,7 @@ struct Lamp {
     // Of a spot: one minus the cosine of its outer angle; of parallel light: of the angle from the middle of the disk that it comes
     // from to its rim.
     rim: f32,
-    // From the middle of a flat body to the middles of two sides.
+    // From the middle of a flat body to the middles of two sides; of a lamp without size unit vectors to its right and its upper side.
     half_x: vec3f,
     // Of a spot: one over how much of that its rise takes.
     per_cos: f32,
@@ -31,6 +31,13 @@ struct Lamp {
     emission: vec3f,
     // Beyond all surfaces, m.
     far: f32,
+    // Of a measured distribution: numbers of its vertical and its horizontal angles, 0 of a lamp without one, and whether its planes
+    // meet in its aim, 0, or across it, 1.
+    n_vertical: u32,
+    n_horizontal: u32,
+    planes: u32,
+    // Where that begins behind the table of coats.
+    distribution: u32,
 }
 
 @group(0) @binding(0) var<uniform> lamp: Lamp;
@@ -43,7 +50,8 @@ struct Lamp {
 // Where the points of each pixel begin, and the number of points.
 @group(0) @binding(4) var<storage, read> starts: array<u32>;
 // Albedo of coats per f0 and f90, by roughness and by cosine; then the mean of (1 − cos)⁵ by cosine; then factors of facets that
-// scatter light repeatedly, by roughness and by cosine.
+// scatter light repeatedly, by roughness and by cosine. Behind them the lamp's measured distribution: vertical and horizontal angles
+// in radians, and what is measured there over the most that is, horizontal × vertical.
 @group(0) @binding(5) var<storage, read> coats: array<f32>;
 // Random offset of the points on the lamp, by tile.
 @group(0) @binding(6) var<storage, read> shifts: array<vec2f>;
@@ -75,6 +83,8 @@ const PI: f32 = 3.14159265;
 const MIRROR_ALPHA: f32 = 1e-3;
 const N_COS: u32 = 32u;
 const N_ROUGHNESS: u32 = 24u;
+// Directions so little outside of a measured distribution are within, radians.
+const SLACK: f32 = 1e-4;
 // A lamp without size has this one next to it, m².
 const POINT_SQUARE: f32 = 1e-4;
 // Least height over a flat lamp close by, per distance, and least angle that it fills, sr: numbers of the device tell no less.
@@ -199,6 +209,74 @@ fn sent_from_disk(wi: vec3f) -> Sent {
     return Sent(wi, 2.0 / (2.0 - lamp.rim), wi * lamp.far, 1u);
 }
 
+// Angle from the first of two axes towards the second, to the last bits: devices' own may be off by thousands of them.
+// [Abramowitz1964, 4.4.49]
+fn around(x: f32, y: f32) -> f32 {
+    let size = abs(vec2f(x, y));
+    let slope = min(size.x, size.y) / max(max(size.x, size.y), 1e-30);
+    let square = slope * slope;
+    var sum = 0.0028662257;
+    sum = sum * square - 0.0161657367;
+    sum = sum * square + 0.0429096138;
+    sum = sum * square - 0.0752896400;
+    sum = sum * square + 0.1065626393;
+    sum = sum * square - 0.1420889944;
+    sum = sum * square + 0.1999355085;
+    sum = sum * square - 0.3333314528;
+    sum = sum * square + 1.0;
+    var angle = sum * slope;
+    angle = select(angle, 0.5 * PI - angle, size.y > size.x);
+    angle = select(angle, PI - angle, x < 0.0);
+    return select(angle, -angle, y < 0.0);
+}
+
+// Which of so many rising angles is the one below an angle, and how far that is on the way to the next; below 0 outside of them.
+fn bracket(first: u32, n: u32, angle: f32) -> vec2f {
+    if angle < coats[first] - SLACK || angle > coats[first + n - 1u] + SLACK {
+        return vec2f(-1.0, 0.0);
+    }
+    // The first one beyond it, or the last.
+    var low = 1u;
+    var high = n - 1u;
+    while low < high {
+        let middle = (low + high) / 2u;
+        if coats[first + middle] <= angle {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    let below = coats[first + low - 1u];
+    let share = (angle - below) / (coats[first + low] - below);
+    return vec2f(f32(low - 1u), clamp(share, 0.0, 1.0));
+}
+
+// What a measured distribution has towards a direction over the most that it has, bilinear in its angles.
+fn measured(toward: vec3f) -> f32 {
+    let right = dot(toward, lamp.half_x);
+    let up = dot(toward, lamp.half_y);
+    let ahead = dot(toward, lamp.axis);
+    let second = lamp.distribution + lamp.n_vertical;
+    var vertical = around(ahead, length(vec2f(right, up)));
+    var horizontal = around(right, up);
+    if lamp.planes == 0u {
+        // Once round from the first plane on.
+        let turns = (horizontal - coats[second]) / (2.0 * PI);
+        horizontal -= floor(turns) * 2.0 * PI;
+    } else {
+        vertical = around(ahead, right);
+        horizontal = around(length(vec2f(right, ahead)), -up);
+    }
+    let column = bracket(lamp.distribution, lamp.n_vertical, vertical);
+    let row = bracket(second, lamp.n_horizontal, horizontal);
+    if column.x < 0.0 || row.x < 0.0 {
+        return 0.0;
+    }
+    let at = second + lamp.n_horizontal + u32(row.x) * lamp.n_vertical + u32(column.x);
+    let next = at + lamp.n_vertical;
+    return mix(mix(coats[at], coats[at + 1u], column.y), mix(coats[next], coats[next + 1u], column.y), row.y);
+}
+
 // What a lamp that is somewhere sends to a place.
 fn sent_from(on_lamp: LampPoint, place: vec3f) -> Sent {
     let toward = on_lamp.position - place;
@@ -212,7 +290,9 @@ fn sent_from(on_lamp: LampPoint, place: vec3f) -> Sent {
         return Sent(wi, factor, toward, select(0u, 1u, factor > 0.0));
     }
     var falloff = 1.0;
-    if lamp.kind == 1u {
+    if lamp.n_vertical > 0u {
+        falloff = measured(-wi);
+    } else if lamp.kind == 1u {
         let aside = wi + lamp.axis;
         let t = clamp((lamp.rim - 0.5 * dot(aside, aside)) * lamp.per_cos, 0.0, 1.0);
         falloff = t * t;

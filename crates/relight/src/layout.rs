@@ -117,6 +117,10 @@ pub(crate) struct LampRecord {
     pub near: f32,
     pub emission: [f32; 3],
     pub far: f32,
+    pub n_vertical: u32,
+    pub n_horizontal: u32,
+    pub planes: u32,
+    pub distribution: u32,
 }
 
 /// Whether a layer is added to the radiance before it is shown.
@@ -199,7 +203,8 @@ mod tests {
             (
                 "Lamp",
                 size_of::<LampRecord>(),
-                shape!(LampRecord: kind, width, height, sheer, position, area, axis, rim, half_x, per_cos, half_y, near, emission, far).2,
+                shape!(LampRecord: kind, width, height, sheer, position, area, axis, rim, half_x, per_cos, half_y, near, emission, far,
+                    n_vertical, n_horizontal, planes, distribution).2,
             ),
         ]
     }

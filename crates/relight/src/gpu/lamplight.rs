@@ -24,8 +24,8 @@ pub struct TreeWords<'a> {
     pub coats: &'a [f32],
 }
 
-/// A lamp as `lamplight.wgsl` reads it; width, height and `sheer` are filled in here.
-pub type LampWords = [u32; 24];
+/// A lamp as `lamplight.wgsl` reads it; width, height, `sheer` and `distribution` are filled in here.
+pub type LampWords = [u32; 28];
 
 /// A scene on the device, to be lit by lamps.
 #[derive(Debug)]
@@ -34,7 +34,9 @@ pub struct Lamplight {
     stage: wgpu::ComputePipeline,
     nodes: wgpu::Buffer,
     blocks: wgpu::Buffer,
+    /// The table of coats, and behind it room for the measured distribution of a lamp.
     coats: wgpu::Buffer,
+    n_coats: u32,
     slabs: wgpu::Buffer,
     sheer: Option<u32>,
     /// Of the last pass, where the device takes time.
@@ -60,6 +62,9 @@ const SIDE: u32 = 8;
 const TILE: u32 = 16;
 
 impl Lamplight {
+    /// Numbers of the longest measured distribution that is taken.
+    pub const LONGEST_DISTRIBUTION: usize = 1 << 18;
+
     /// Takes the scene to the device.
     ///
     /// # Errors
@@ -68,14 +73,15 @@ impl Lamplight {
         gpu.guarded(|| {
             let nodes = filled(gpu, "the tree of the scene", tree.nodes)?;
             let blocks = filled(gpu, "the triangles of the scene", tree.blocks)?;
-            let coats = filled(gpu, "the table of coats", tree.coats)?;
+            let coats = with_room(gpu, tree.coats)?;
             let slabs = filled(gpu, "the panes of the scene", tree.slabs)?;
             let (name, source) = LAMPLIGHT;
             // Without panes nothing of theirs is compiled.
             let has_slabs = tree.slabs.first().is_some_and(|[.., n_slabs]| *n_slabs > 0);
             let stage = pipeline(gpu, name, source, &[("HAS_SLABS", f64::from(has_slabs))]);
             let stamps = Stamps::new(gpu, 1);
-            Ok(Self { gpu: gpu.clone(), stage, nodes, blocks, coats, slabs, sheer: tree.sheer, stamps })
+            let (gpu, n_coats, sheer) = (gpu.clone(), tree.coats.len() as u32, tree.sheer);
+            Ok(Self { gpu, stage, nodes, blocks, coats, n_coats, slabs, sheer, stamps })
         })
     }
 
@@ -107,25 +113,31 @@ impl Lamplight {
         })
     }
 
-    /// Looks at the light of a lamp at each pixel, RGB and a fourth number: 1 where the CPU has to find it, else 0. `shifts` are offsets of
-    /// the points on the lamp, one for each tile of 16 × 16 pixels.
+    /// Looks at the light of a lamp at each pixel, RGB and a fourth number: 1 where the CPU has to find it, else 0. `distribution` is what
+    /// is measured of the lamp, empty where nothing is; all samples share the room for it. `shifts` are offsets of the points on the lamp,
+    /// one for each tile of 16 × 16 pixels.
     ///
     /// # Errors
-    /// [`RelightError::Device`] where the device fails.
+    /// [`RelightError::TooLarge`] for a distribution beyond [`Lamplight::LONGEST_DISTRIBUTION`], [`RelightError::Device`] where the device
+    /// fails.
     pub fn light<T>(
-        &self,
+        &mut self,
         sample: &LitSample,
-        lamp: &LampWords,
+        (lamp, distribution): (&LampWords, &[f32]),
         shifts: &[[f32; 2]],
         look: impl FnOnce(&[[f32; 4]]) -> T,
     ) -> Result<T, RelightError> {
         let (gpu, width, height) = (&self.gpu, sample.width, sample.height);
         let sheer = self.sheer.unwrap_or(u32::MAX);
-        let record = LampRecord { width, height, sheer, ..bytemuck::cast(*lamp) };
+        check_distribution(distribution)?;
+        let record = LampRecord { width, height, sheer, distribution: self.n_coats, ..bytemuck::cast(*lamp) };
         let n_bytes = 16 * u64::from(width) * u64::from(height);
         let copy = |encoder: &mut wgpu::CommandEncoder, buffer: &wgpu::Buffer| {
             gpu.queue.write_buffer(&sample.lamp, 0, bytemuck::bytes_of(&record));
             gpu.queue.write_buffer(&sample.shifts, 0, bytemuck::cast_slice(shifts));
+            if !distribution.is_empty() {
+                gpu.queue.write_buffer(&self.coats, 4 * u64::from(self.n_coats), bytemuck::cast_slice(distribution));
+            }
             let timestamp_writes = self.stamps.as_ref().map(|stamps| stamps.around(0));
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
             pass.set_pipeline(&self.stage);
@@ -151,6 +163,22 @@ impl Lamplight {
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
+}
+
+/// Whether there is room for the distribution of a lamp.
+fn check_distribution(distribution: &[f32]) -> Result<(), RelightError> {
+    let (what, limit) = ("the distribution of a lamp", 4 * Lamplight::LONGEST_DISTRIBUTION as u64);
+    let size = size_of_val(distribution) as u64;
+    if size > limit { Err(RelightError::TooLarge { what, size, limit }) } else { Ok(()) }
+}
+
+/// A table with room for a distribution behind it: a buffer of its own would be one more than devices have to take.
+fn with_room(gpu: &Gpu, table: &[f32]) -> Result<wgpu::Buffer, RelightError> {
+    let n_bytes = 4 * (table.len() + Lamplight::LONGEST_DISTRIBUTION) as u64;
+    check_storage(gpu, "the table of coats", n_bytes)?;
+    let buffer = storage(gpu, "coats", n_bytes, wgpu::BufferUsages::COPY_DST);
+    gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(table));
+    Ok(buffer)
 }
 
 fn filled<T: Pod>(gpu: &Gpu, what: &'static str, content: &[T]) -> Result<wgpu::Buffer, RelightError> {

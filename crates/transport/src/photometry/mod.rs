@@ -157,6 +157,12 @@ impl PhotometricProfile {
         &self.remarks
     }
 
+    /// For a device: numbers of vertical and of horizontal angles, and 1 for type B, else 0; then these angles in radians, and intensities
+    /// over the largest, horizontal × vertical.
+    pub(crate) fn words(&self) -> ([u32; 3], Vec<f32>) {
+        self.table.words()
+    }
+
     /// All that its light depends on, as bytes.
     pub(crate) fn light_bytes(&self) -> Vec<u8> {
         self.table.bytes()

@@ -225,6 +225,15 @@ impl Table {
         flux
     }
 
+    /// For a device that looks it up as [`Table::at`] does: numbers of vertical and of horizontal angles, and 1 of B planes, else 0; then
+    /// these angles, and all values over the largest.
+    #[expect(clippy::cast_possible_truncation, reason = "a file has some thousand angles at most")]
+    pub fn words(&self) -> ([u32; 3], Vec<f32>) {
+        let counts = [self.vertical.len() as u32, self.horizontal.len() as u32, u32::from(self.planes == Planes::B)];
+        let (angles, most) = (self.vertical.iter().chain(&self.horizontal).copied(), self.max());
+        (counts, angles.chain(self.candela.iter().map(|&candela| candela / most)).collect())
+    }
+
     /// Everything as bytes.
     pub fn bytes(&self) -> Vec<u8> {
         // 1 stood for type B as long as it was read with its angles the other way round.

@@ -76,6 +76,16 @@ fn type_c_planes_turn_from_x_to_y_and_complete_themselves() {
 }
 
 #[test]
+fn a_device_gets_all_angles_and_shares_of_the_largest_intensity() {
+    let half = parsed(&ies(1, &[0.0, 90.0], &[0.0, 180.0], &[100.0, 50.0, 100.0, 200.0]));
+    let (counts, numbers) = half.words();
+    assert_eq!(counts, [2, 3, 0]);
+    assert_eq!(numbers, [0.0, 0.5 * PI, 0.0, PI, TAU, 0.5, 0.25, 0.5, 1.0, 0.5, 0.25]);
+    let across = parsed(&ies(2, &[-90.0, 90.0], &[-90.0, 0.0, 90.0], &[1.0, 2.0, 1.0, 4.0, 1.0, 2.0]));
+    assert_eq!(across.words().0, [2, 3, 1]);
+}
+
+#[test]
 fn type_b_planes_meet_in_y_and_turn_towards_x() {
     let full = [1.0, 10.0, 2.0, 1.0, 20.0, 2.0, 1.0, 30.0, 2.0];
     let profile = parsed(&ies(2, &[-90.0, 0.0, 90.0], &[-90.0, 0.0, 90.0], &full));

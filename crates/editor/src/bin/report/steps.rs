@@ -79,7 +79,7 @@ pub fn table(desk: &Desk, gpu: Option<&Gpu>) -> Result<String> {
 fn rows(name: &str, (scene, camera): (&Arc<PreparedScene>, &Camera), bake: &Bake, gpu: Option<&Gpu>) -> Result<String> {
     let config = VisibleConfig { narrow_alpha: NARROW_ALPHA, samples: 1, ..VisibleConfig::default() };
     let points = VisiblePoints::new(scene, camera, STEP, config, &|| false).context("nobody stopped it")?;
-    let device = gpu.map(|gpu| Device::new(gpu, scene, &points)).transpose()?;
+    let mut device = gpu.map(|gpu| Device::new(gpu, scene, &points)).transpose()?;
     let patches = bake.header.patches.as_ref().context("no patches")?;
     let goal_of_cpu = (rayon::current_num_threads() <= 2).then_some(GOALS_MS[0]);
     let mut rows = String::new();
@@ -97,7 +97,7 @@ fn rows(name: &str, (scene, camera): (&Arc<PreparedScene>, &Camera), bake: &Bake
             direct_ms.push(timed_ms(|| points.direct(scene, &lamps, 0, &|| false)));
             n_rays = points.n_rays() - before;
             patch_ms.push(timed_ms(|| lamps.light_on_patches(scene, patches)));
-            if let Some(device) = &device {
+            if let Some(device) = &mut device {
                 device_steps.push(device.step(scene, &points, &lamps)?);
             }
         }
@@ -147,15 +147,16 @@ impl Device {
     }
 
     /// A whole picture.
-    fn step(&self, scene: &PreparedScene, points: &VisiblePoints, lamps: &PreparedLamps) -> Result<DeviceStep> {
+    fn step(&mut self, scene: &PreparedScene, points: &VisiblePoints, lamps: &PreparedLamps) -> Result<DeviceStep> {
         let begun = Instant::now();
-        let lamp = lamps.words(scene).context("the device knows this lamp")?;
+        let words = lamps.words(scene).context("the device knows this lamp")?;
+        let lamp = (&words.lamp, words.distribution.as_slice());
         let look = |found: &[[f32; 4]]| {
             let seen_ms = ms_since(begun);
             std::hint::black_box(points.completed(scene, lamps, 0, found, &|| false));
             (seen_ms, ms_since(begun), found.iter().filter(|rgb| rgb[3] != 0.0).count())
         };
-        let (seen_ms, whole_ms, n_left) = self.lamplight.light(&self.sample, &lamp, &points.shifts(0), look)?;
+        let (seen_ms, whole_ms, n_left) = self.lamplight.light(&self.sample, lamp, &points.shifts(0), look)?;
         // What a device without hardware notes is when it was told, not when it worked.
         let is_told = !self.lamplight.gpu().is_software();
         let kernel_ms = self.lamplight.kernel_secs()?.filter(|_| is_told).map(|secs| 1e3 * secs);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use clerestory_relight::RelightError;
 use clerestory_relight::gpu::{Gpu, Lamplight, LitSample, TreeWords};
-use clerestory_transport::lamps::PreparedLamps;
+use clerestory_transport::lamps::{LampWords, PreparedLamps};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::visible::VisiblePoints;
 
@@ -71,13 +71,15 @@ impl LampDevice {
         pass: u32,
         look: impl FnOnce(&[[f32; 4]]) -> T,
     ) -> Result<Option<T>, RelightError> {
-        let Some(words) = lamp.words(&self.scene) else { return Ok(None) };
+        let fits = |words: &LampWords| words.distribution.len() <= Lamplight::LONGEST_DISTRIBUTION;
+        let Some(words) = lamp.words(&self.scene).filter(fits) else { return Ok(None) };
         if sample == self.samples.len() {
             let seen = points.words(&self.scene, 0);
             self.samples.push(self.lamplight.sample(self.size, &seen.starts, &seen.points)?);
         }
         let Some(kept) = self.samples.get(sample) else { return Ok(None) };
-        self.lamplight.light(kept, &words, &points.shifts(pass), look).map(Some)
+        let lamp = (&words.lamp, words.distribution.as_slice());
+        self.lamplight.light(kept, lamp, &points.shifts(pass), look).map(Some)
     }
 }
 
@@ -164,12 +166,17 @@ mod tests {
             (LampShape::Disk { radius_m: 0.15 }, LampUnit::Lumen),
             (LampShape::Sphere { radius_m: 0.05 }, LampUnit::Lumen),
         ];
-        shapes.map(|(shape, unit)| lamp(shape, unit, [position, aim])).into()
+        let plain = shapes.map(|(shape, unit)| lamp(shape, unit, [position, aim]));
+        plain.into_iter().chain(measured([position, aim])).collect()
     }
 
-    fn lamp(shape: LampShape, unit: LampUnit, [position, aim]: [Vec3; 2]) -> PreparedLamps {
+    fn lamp(shape: LampShape, unit: LampUnit, place: [Vec3; 2]) -> PreparedLamps {
+        PreparedLamps::new(&[free(shape, unit, place)], None).unwrap().0
+    }
+
+    fn free(shape: LampShape, unit: LampUnit, [position, aim]: [Vec3; 2]) -> FreeLamp {
         let setting = LightSetting::default();
-        let lamp = FreeLamp {
+        FreeLamp {
             key: "lamp".into(),
             shape,
             position,
@@ -179,8 +186,47 @@ mod tests {
             setting,
             turn_rad: 0.0,
             replaces: None,
+        }
+    }
+
+    /// Lamps with measured distributions that are unlike on all sides, turned: one whose planes meet in its aim, one whose planes meet
+    /// across it.
+    fn measured(place: [Vec3; 2]) -> [PreparedLamps; 2] {
+        let in_aim = lopsided(
+            1,
+            &[0.0, 5.0, 12.0, 20.0, 33.0, 47.0, 60.0, 75.0, 90.0, 110.0, 130.0, 150.0],
+            &[0.0, 30.0, 45.0, 100.0, 160.0, 200.0, 260.0, 300.0, 360.0],
+        );
+        let across = lopsided(
+            2,
+            &[-120.0, -80.0, -45.0, -20.0, -5.0, 10.0, 30.0, 60.0, 100.0],
+            &[-90.0, -60.0, -25.0, 0.0, 15.0, 40.0, 70.0, 90.0],
+        );
+        [in_aim, across].map(|file| measured_by(&file, place))
+    }
+
+    /// A turned lamp that shines as a file says.
+    fn measured_by(file: &str, place: [Vec3; 2]) -> PreparedLamps {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("lamp.ies"), file).unwrap();
+        let shape = LampShape::Profile { file: "lamp.ies".into() };
+        let lamp = FreeLamp { turn_rad: 0.7, ..free(shape, LampUnit::Lumen, place) };
+        PreparedLamps::new(&[lamp], Some(folder.path())).unwrap().0
+    }
+
+    /// An LM-63 file of a type, 1 for C and 2 for B, by vertical and horizontal angles in degrees; where planes meet they agree.
+    fn lopsided(photometry: u32, vertical: &[f64], horizontal: &[f64]) -> String {
+        let candela = |v: f64, h: f64| {
+            let (sine, around) = if photometry == 1 { (v.sin(), h) } else { (h.cos(), v) };
+            600.0 + sine * (250.0 * (around - 0.4).cos() + 150.0 * (2.0 * around).sin())
         };
-        PreparedLamps::new(&[lamp], None).unwrap().0
+        let mut numbers = [vertical, horizontal].concat();
+        for h in horizontal {
+            numbers.extend(vertical.iter().map(|v| candela(v.to_radians(), h.to_radians())));
+        }
+        let counts = format!("{} {}", vertical.len(), horizontal.len());
+        let numbers: Vec<String> = numbers.iter().map(f64::to_string).collect();
+        format!("IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 {counts} {photometry} 2 0 0 0\n1 1 10\n{}\n", numbers.join("\n"))
     }
 
     /// Pixels that differ by more than rounding does, and the sums of both.
@@ -255,6 +301,26 @@ mod tests {
                 assert!(n_lit > 0 || nth == 2, "lamp {nth}: {n_lit} pixels are lit by the device");
             }
         }
+    }
+
+    #[test]
+    fn a_distribution_of_too_many_angles_is_left_to_the_cpu() {
+        let gpus = Gpu::all_headless(DeviceChoice::Any);
+        assert!(!gpus.is_empty() || !is_required(), "no adapter");
+        let Some(gpu) = gpus.into_iter().next() else { return println!("skipped: no adapter") };
+        let view = view("room.gltf", include_bytes!("../../../tests/room.gltf"));
+        let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
+        let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
+        let mut device = LampDevice::new(&gpu, &view).unwrap();
+        let mut is_taken = |n_planes: u16| {
+            let [vertical, horizontal] = [(180.0, 512), (360.0, n_planes)]
+                .map(|(end, n)| (0..=n).map(|nth| end * f64::from(nth) / f64::from(n)).collect::<Vec<f64>>());
+            let place = [Vec3::new(0.1, 0.1, -0.7), Vec3::new(0.3, -0.2, -1.0)];
+            let lamp = measured_by(&lopsided(1, &vertical, &horizontal), place);
+            device.direct((0, &points), &lamp, 0, &|| false).unwrap().is_some()
+        };
+        // With the angles 509 planes of 513 intensities are five numbers less than 2¹⁸.
+        assert!(is_taken(508) && !is_taken(509));
     }
 
     #[test]
