@@ -1,7 +1,7 @@
 //! Error against time: ours, the matrix without compression, a render per light, a render per look; and the first seconds.
 
 mod runs;
-mod seconds;
+pub mod seconds;
 
 use anyhow::{Context, Result};
 use clerestory_transport::camera::Film;
@@ -18,8 +18,9 @@ use super::fit::{secs_between, secs_words, spread, spread_words, tenths};
 use super::goal::gains_words;
 use super::plot::{Axis, Panel, Scale, Series};
 
-/// Name of the section of scenes that lie elsewhere.
+/// Names of the sections of scenes that lie elsewhere, and of the first seconds.
 pub const OTHERS: &str = "time-others";
+pub const SECONDS: &str = "first-seconds";
 
 /// Errors that times are told for, in dB.
 const TARGETS_DB: [f64; 2] = [30.0, 35.0];
@@ -106,12 +107,12 @@ impl Measured {
     }
 }
 
-/// Measures the scenes of the method's evaluation, and the first seconds.
+/// Measures the scenes of the method's evaluation.
 ///
 /// # Errors
 /// If a scene cannot be loaded or baked, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
-    Ok(measured(desk, ("time", "Error against time"), own(desk))? + &seconds::write(desk)?)
+    measured(desk, ("time", "Error against time"), own(desk))
 }
 
 /// Measures the scenes of others that are at hand.
@@ -300,7 +301,7 @@ fn repeats(scenes: &[(Subject, Measured)]) -> String {
     let ways: Vec<&str> = Way::ALL.iter().map(|way| way.name()).collect();
     let mut text = format!(
         "\n### Repeats\n\n\
-         CPU seconds and dB with {} samples per pixel, median (least…greatest) of {} seeds; dB of single lights, of a render of one look those of all lights of the file.\n\n\
+         CPU seconds and dB with {} samples per pixel, median (least…greatest) of {} seeds, of a render per light one; dB of single lights, of a render of one look those of all lights of the file.\n\n\
          | scene | {} |\n|---|{}\n",
         runs::REPEATED_SPP,
         runs::SEEDS.len(),

@@ -26,6 +26,8 @@ const MOST_TRACED: [f64; 2] = [4e5, 4e7];
 const MOST_PLAIN: [f64; 2] = [4e5, 5.2e7];
 /// The same for the way of ours that is ahead, where it has not come to the greatest dB yet.
 const MOST_FURTHER: [f64; 2] = [0.0, 1.3e7];
+/// Most samples per pixel of a render of a spot.
+const MOST_SPOT_SPP: u32 = 256;
 /// Ways of ours, and how each one takes indirect light.
 const OURS: [(Way, Indirect); 2] = [(Way::Fast, Indirect::Shared), (Way::Exact, Indirect::Traced)];
 /// Middles of the spots on a panel, and their radius in its shorter sides.
@@ -121,7 +123,8 @@ pub(super) fn measure(
                 }
                 points.push(dense(subject, scene, &judge, taken)?);
             }
-            if samples * scene.lighting.basis.n_cols() as f64 <= traced {
+            // Every light by itself takes longest of all, and lies nearest together.
+            if taken.seed == SEEDS[0] && samples * scene.lighting.basis.n_cols() as f64 <= traced {
                 points.push(renders(subject, scene, &judge, taken)?);
             }
             if samples <= desk.choose(MOST_PLAIN[0], MOST_PLAIN[1]) {
@@ -245,7 +248,7 @@ fn plain(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, taken: Ta
     };
     let (cpu_secs, db) = picture(&judge.full)?;
     let mut points = vec![taken.point(Way::Plain, cpu_secs, [None, None, db])];
-    let spots = judge.spots.iter().map(picture).collect::<Result<Vec<_>>>()?;
+    let spots = judge.spots.iter().filter(|_| taken.spp <= MOST_SPOT_SPP).map(picture).collect::<Result<Vec<_>>>()?;
     if let Some(cpu_secs) = mean(spots.iter().map(|(cpu_secs, _)| *cpu_secs).collect()) {
         let db: Option<Vec<f64>> = spots.iter().map(|(_, db)| *db).collect();
         points.push(taken.point(Way::Plain, cpu_secs, [None, db.and_then(mean), None]));

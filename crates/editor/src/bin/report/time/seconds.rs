@@ -10,7 +10,7 @@ use clerestory_transport::camera::Film;
 use serde::{Deserialize, Serialize};
 
 use super::runs::{Judge, job};
-use super::{Subject, prepared};
+use super::{SECONDS, Subject, prepared};
 use crate::desk::Desk;
 use crate::fit::{median, spread_words};
 use crate::goal::Goal;
@@ -38,7 +38,7 @@ struct Clocked {
 ///
 /// # Errors
 /// As [`super::write`].
-pub(super) fn write(desk: &Desk) -> Result<String> {
+pub fn write(desk: &Desk) -> Result<String> {
     let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 512, height: 384 }, 4));
     let bench = ["bench-conf64", "bench-sponza20"].map(|name| (name, desk.shared(&format!("references/{name}.glb"))));
     let gallery = ("gallery", Some(desk.root.join("assets/scenes/gallery.glb")));
@@ -46,7 +46,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     for (name, path) in bench.into_iter().chain([gallery]).take(desk.choose(1, 3)) {
         let Some(path) = path else { continue };
         let subject = Subject { name, path, sky: None, film, step };
-        let clocked: Clocked = desk.part("time", &format!("seconds-{name}"), || clock(desk, &subject))?;
+        let clocked: Clocked = desk.part(SECONDS, name, || clock(desk, &subject))?;
         rows += &format!(
             "| {name} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
             spread_words(clocked.prepare),
@@ -60,7 +60,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         );
     }
     Ok(format!(
-        "\n### The first seconds\n\n\
+        "## The first seconds\n\n\
          {}×{} pixels, seconds by the clock on the wall once the file is read: until the hierarchy is built and the lights are found, until the whole\n\
          preview is there (that included, with the CPU seconds beside), and what a bake with shared indirect light has that is told to end {} s\n\
          after the preview began. Median (least…greatest) of {} repeats with seeds of their own; error of single lights in dB of each. Aimed at: a preview of\n\
