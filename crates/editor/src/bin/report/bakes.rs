@@ -27,7 +27,7 @@ const TOLERANCE: &str = "40";
 pub fn write(desk: &Desk) -> Result<String> {
     let mut rows = String::new();
     // Samples per pixel of each of both path-traced pictures that bakes are held against.
-    let reference_spp = desk.choose("32", "128");
+    let reference_spp = desk.choose("16", "128");
     for case in cases(desk) {
         rows += &desk.part("bakes", &case.name, || {
             desk.say(&format!("baking {}", case.name));

@@ -26,8 +26,8 @@ const SEED: u64 = 1;
 /// # Errors
 /// If a scene cannot be read or baked, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
-    let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 256, height: 192 }, 4));
-    let sampling = Sampling { film, step, bounces: None, spp: desk.choose(16, 64) };
+    let (film, step) = desk.choose((Film { width: 32, height: 24 }, 1), (Film { width: 256, height: 192 }, 4));
+    let sampling = Sampling { film, step, bounces: None, spp: desk.choose(8, 64) };
     let mut rows = String::new();
     for path in scenes(desk)? {
         let name = path.file_stem().map_or("scene".into(), |stem| stem.to_string_lossy().into_owned());
