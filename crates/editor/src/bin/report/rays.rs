@@ -1,5 +1,6 @@
 //! Rays: our tree against the one of the library that clusters its triangles.
 
+use std::ffi::OsStr;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
@@ -18,19 +19,15 @@ const AIMS: [Option<f64>; 4] = [Some(2.3), Some(2.1), Some(2.1), None];
 /// # Errors
 /// If the example cannot be built or fails.
 pub fn write(desk: &Desk) -> Result<String> {
-    let scenes = ["conference", "bitterli-living-room"].map(|name| desk.shared(&format!("scenes/{name}.glb")));
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let mut example = Command::new(cargo);
-    example.args(["run", "--release", "--locked", "-p", "clerestory-transport", "--example", "ray_rates", "--"]);
-    example.args(["--rays", desk.choose("100000", "1000000"), "--hall", desk.choose("100000", "1000000")]);
-    example.args(scenes.iter().flatten()).current_dir(&desk.root);
-    desk.say("asking rays of both trees");
-    let told = example.output().context("cannot run cargo")?;
-    if !told.status.success() {
-        bail!("the example ray_rates failed: {}", String::from_utf8_lossy(&told.stderr));
+    let mut rows = String::new();
+    for name in ["conference", "bitterli-living-room"] {
+        let Some(path) = desk.shared(&format!("scenes/{name}.glb")) else { continue };
+        let told: Vec<Value> = desk.part("rays", name, || rates(desk, name, &[path.as_os_str()]))?;
+        rows.extend(told.iter().map(row));
     }
-    let told: Vec<Value> = serde_json::from_slice(&told.stdout).context("the example ray_rates printed no JSON")?;
-    let rows: String = told.iter().map(row).collect();
+    let hall = ["--hall", desk.choose("100000", "1000000")].map(OsStr::new);
+    let told: Vec<Value> = desk.part("rays", "hall", || rates(desk, "the generated hall", &hall))?;
+    rows.extend(told.iter().map(row));
     Ok(format!(
         "## Rays\n\n\
          Million rays per second of one thread: ours / obvhs' CWBVH at its slowest preset as it comes = ratio. The same rays, in one process,\n\
@@ -49,6 +46,25 @@ pub fn write(desk: &Desk) -> Result<String> {
         desk.load_words(),
         KINDS.join(" | "),
     ))
+}
+
+/// What the example tells of a scene, given as it takes it.
+fn rates(desk: &Desk, name: &str, scene: &[&OsStr]) -> Result<Vec<Value>> {
+    desk.say(&format!("asking rays of both trees in {name}"));
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut example = Command::new(cargo);
+    example.args(["run", "--release", "--locked", "-p", "clerestory-transport", "--example", "ray_rates", "--"]);
+    example.args(["--rays", n_rays(desk)]).args(scene).current_dir(&desk.root);
+    let told = example.output().context("cannot run cargo")?;
+    if !told.status.success() {
+        bail!("the example ray_rates failed: {}", String::from_utf8_lossy(&told.stderr));
+    }
+    serde_json::from_slice(&told.stdout).context("the example ray_rates printed no JSON")
+}
+
+/// About so many rays of the camera, as the example takes them.
+fn n_rays(desk: &Desk) -> &'static str {
+    desk.choose("100000", "1000000")
 }
 
 fn row(scene: &Value) -> String {

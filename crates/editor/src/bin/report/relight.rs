@@ -52,7 +52,7 @@ const REPEATS: usize = 3;
 /// # Errors
 /// If a device fails.
 pub fn write(desk: &Desk) -> Result<String> {
-    let (mut measured, n_turns) = (tables(desk, DeviceChoice::Any)?, turns(desk));
+    let (mut measured, n_turns) = (tables(desk, "relight", DeviceChoice::Any)?, turns(desk));
     if Gpu::all_headless(DeviceChoice::Any).is_empty() {
         measured += "\nNo graphics adapter was there.\n";
     }
@@ -73,15 +73,16 @@ pub fn write(desk: &Desk) -> Result<String> {
     ))
 }
 
-/// A table of the CPU and one of each device of a kind.
+/// A table of the CPU and one of each device of a kind, as parts of a section.
 ///
 /// # Errors
 /// If a device fails.
-pub fn tables(desk: &Desk, choice: DeviceChoice) -> Result<String> {
+pub fn tables(desk: &Desk, section: &str, choice: DeviceChoice) -> Result<String> {
     let jobs = desk.choose(&QUICK[..], &FULL[..]);
-    let mut measured = on_cpu(desk, jobs)?;
-    for gpu in &Gpu::all_headless(choice) {
-        measured += &device::table(desk, gpu, jobs)?;
+    let mut measured: String = desk.part(section, "relight-cpu", || on_cpu(desk, jobs))?;
+    for (nth, gpu) in Gpu::all_headless(choice).iter().enumerate() {
+        let part = format!("relight-device-{nth}");
+        measured += &desk.part::<String>(section, &part, || device::table(desk, gpu, jobs))?;
     }
     Ok(measured)
 }
