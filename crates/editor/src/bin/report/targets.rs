@@ -70,8 +70,8 @@ pub fn write(desk: &Desk) -> Result<String> {
     text += &times;
     Ok(format!(
         "## Targets\n\n\
-         What the method aims at, on `mixed` and `reflect` (see the head of this page) of 128 × 96 pixels and 256 columns without the emitters seen. Those who traced them tell that two of the kind differ by\n\
-         40.8 dB (`mixed`) and 39.1 dB (`reflect`) on average over all entries, so that what is asked for here counts noise of theirs as matter to be kept. {checksums}dB are 10·log10(pk² / mean ΔT²)\n\
+         What the method aims at, on `mixed` and `reflect` (see the head of this page) of 128 × 96 pixels and 256 columns without the emitters seen. They were traced,\n\
+         too, so that what is asked for here counts noise of theirs as matter to be kept. {checksums}dB are 10·log10(pk² / mean ΔT²)\n\
          over all entries, pk the median over columns of their 99.5 percentile. Every method is asked for the same tolerance, block by block of\n\
          16 × 16 pixels; what it finds is packed as a bake is, read back, and held against the converged matrix. The ratio is the dense matrix in\n\
          single precision over all bytes of the packed one; its picture under all columns is kept far better than asked, which is counted. `svd` is the\n\
