@@ -34,6 +34,8 @@ const FULL: [Job; 11] = [
 const SOFTWARE_PIXELS: u32 = 1024 * 768;
 /// Turns of each job, in a hurry and else; the probe of memory is read once in each, so that other work on the machine meets both.
 const TURNS: [usize; 2] = [4, 12];
+/// Seeds of the coefficients of a turn, more than it has steps.
+const SEEDS_OF_TURN: usize = 100;
 /// Bytes of the probe of memory, far more than caches hold.
 const PROBE_BYTES: usize = 1 << 30;
 /// The same on a device, which is asked for twice as many.
@@ -58,7 +60,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     }
     Ok(format!(
         "## Relighting\n\n\
-         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere, random factors of seed {}; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Least…greatest of\n\
+         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere, random factors of seed {}, coefficients of the seeds from {SEEDS_OF_TURN} times the turn on; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Least…greatest of\n\
          {n_turns} turns, shares by the least: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
          read (16-bit floats, or bytes with a scale per vector), and the radiance that is written; on a device it is read again, and what is shown is written. On the CPU each is done {REPEATS} times in a row, as in a drag, and the last is timed.\n\
          The share is that of what the same memory did in the same turns: read by all threads on the CPU, of far more than caches hold; copied by a kernel on a device. What moves\n\
@@ -185,8 +187,8 @@ fn recipe([width, height, n_cols, rank, depth]: Job) -> Recipe {
 
 /// Coefficients of a step of a turn: all of them others than before, then one.
 pub fn coefficients(recipe: &Recipe, turn: usize, step: usize) -> [Vec<Vec<[f32; 3]>>; 2] {
-    let all = recipe.coefficients((100 * turn + step) as u64);
-    let mut one = recipe.coefficients((100 * turn) as u64);
+    let all = recipe.coefficients((SEEDS_OF_TURN * turn + step) as u64);
+    let mut one = recipe.coefficients((SEEDS_OF_TURN * turn) as u64);
     let n_cols = one[0].len();
     one[0][turn * 37 % n_cols] = [1.5, 0.25, 0.75 + step as f32];
     [all, one]
