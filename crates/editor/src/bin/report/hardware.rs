@@ -27,7 +27,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## A machine with a graphics card\n\n\
          The tables of *Relighting*, *Latency*, *Steps of a moved lamp* and *Threads* once more, where there is a graphics device of hardware; what their columns mean stands there. {}\n\
-         {relit}\n### A slider dragged\n\n{dragged}\n### Steps of a moved lamp\n\n{moved}{grown}",
+         {relit}\n### A slider dragged\n\n{dragged}\n### A lamp moved\n\n{moved}{grown}",
         desk.load_words(),
     ))
 }

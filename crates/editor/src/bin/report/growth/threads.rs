@@ -30,7 +30,11 @@ const AIM: f64 = 0.95;
 /// # Errors
 /// If a bake fails or threads cannot be had.
 pub fn write(desk: &Desk, section: &str) -> Result<String> {
-    let turns = if section == hardware::NAME { TURNS[0] } else { desk.choose(TURNS[0], TURNS[1]) };
+    // No heading stands twice on the page.
+    let (turns, of) = match section {
+        hardware::NAME => (TURNS[0], " of that machine"),
+        _ => (desk.choose(TURNS[0], TURNS[1]), ""),
+    };
     let available = std::thread::available_parallelism().map_or(1, usize::from);
     let mut counts: Vec<usize> =
         std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n < available).collect();
@@ -38,7 +42,7 @@ pub fn write(desk: &Desk, section: &str) -> Result<String> {
     let measured: Vec<Vec<[f64; 2]>> = desk.part(section, "threads", || measured(desk, &counts, turns))?;
     let rows: String = counts.iter().zip(&measured).map(|(n, many)| row(*n, &measured[0], many)).collect();
     Ok(format!(
-        "\n### Threads\n\n\
+        "\n### Threads{of}\n\n\
          A bake of the hall, and a bare loop over {N_RAYS} rays that scatter from what the camera sees, seconds by the clock, all numbers of threads in turn, {turns} times. Of each turn:\n\
          how many times as fast it was as on one thread, and the bake's part of the loop's gain (aimed at: {AIM} in the median). Other work on the machine can make\n\
          a turn look better than threads can be. All are median (least…greatest). {}\n\n\
