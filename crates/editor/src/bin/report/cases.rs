@@ -41,10 +41,10 @@ impl Case {
     }
 
     /// Bakes to the file of that name; what `bake` and `info` tell.
-    pub fn bake(&self, transport: &str, tolerance_db: &str) -> Result<[Value; 2]> {
+    pub fn bake(&self, transport: &str, tolerance_db: &str, seed: &str) -> Result<[Value; 2]> {
         let scene = self.scene();
         let bake = ["bake", &scene, "-o", transport, "--spp", self.spp, "--tolerance", tolerance_db];
-        let bake: Vec<&str> = bake.into_iter().chain(["--size", self.size, "--json"]).collect();
+        let bake: Vec<&str> = bake.into_iter().chain(["--size", self.size, "--seed", seed, "--json"]).collect();
         Ok([clerestory(&bake)?, clerestory(&["info", transport, "--json"])?])
     }
 }
