@@ -1,5 +1,6 @@
 //! Budgets: what a bake is said to take, and what it takes.
 
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -8,8 +9,10 @@ use serde_json::Value;
 
 use super::desk::{Desk, number, program};
 
-/// Scenes, sizes of their pictures, and further options.
-const CASES: [(&str, &str, &[&str]); 7] = [
+/// A scene, the size of its picture, and further options.
+type Case = (&'static str, &'static str, &'static [&'static str]);
+
+const CASES: [Case; 7] = [
     ("scenes/conference.glb", "96x72", &[]),
     ("scenes/sponza-dabrovic.glb", "96x72", &[]),
     ("assets/scenes/gallery.glb", "48x36", &[]),
@@ -28,33 +31,10 @@ const POLL: Duration = Duration::from_millis(2);
 /// If a scene cannot be baked, or the system does not tell the memory of a process.
 pub fn write(desk: &Desk) -> Result<String> {
     let mut rows = String::new();
-    for (path, size, more) in CASES.iter().take(desk.choose(3, CASES.len())) {
-        let own = Some(desk.root.join(path)).filter(|path| path.exists());
-        let Some(scene) = own.or_else(|| desk.shared(path)) else { continue };
-        let name = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        desk.say(&format!("budget of {name}"));
-        let scene = scene.display().to_string();
-        let (output, more) = (desk.file("budget.transport"), more.join(" "));
-        let with = |first: &[&str]| -> Vec<String> {
-            let common = [&scene, "--size", size, "--spp", "16", "--seed", SEED, "--json"].map(String::from);
-            first.iter().copied().chain(more.split_whitespace()).map(String::from).chain(common).collect()
-        };
-        let (said, _) = run(&with(&["bake", "--estimate"]))?;
-        let (took, peak_bytes) = run(&with(&["bake", "--fresh", "-o", &output]))?;
-        let (said_secs, secs) = (number(&said, "/secs"), number(&took, "/bake_secs"));
-        let (said_bytes, bytes) = (number(&said, "/peak_bytes"), peak_bytes as f64);
-        let file = std::fs::metadata(&output)?.len() as f64;
-        let said_file = number(&said, "/file_bytes");
-        let off = |said: f64, is: f64| 100.0 * (said / is - 1.0);
-        rows += &format!(
-            "| {} | {size} | {:.0} | {:.0} | {:+.0} % | {said_secs:.1} | {secs:.1} | {:+.0} % | {:+.0} % |\n",
-            [name.as_str(), &more].join(" ").trim_end(),
-            said_bytes / 1e6,
-            bytes / 1e6,
-            off(said_bytes, bytes),
-            off(said_secs, secs),
-            off(said_file, file),
-        );
+    for (nth, case) in CASES.iter().take(desk.choose(3, CASES.len())).enumerate() {
+        let own = Some(desk.root.join(case.0)).filter(|path| path.exists());
+        let Some(scene) = own.or_else(|| desk.shared(case.0)) else { continue };
+        rows += &desk.part::<String>("budgets", &nth.to_string(), || row(desk, case, &scene))?;
     }
     Ok(format!(
         "What `bake --estimate` says against what the bake takes, with 16 samples of a pixel (seed {SEED}): the greatest resident set of the process,\n\
@@ -62,6 +42,33 @@ pub fn write(desk: &Desk) -> Result<String> {
          | scene | picture | MB said | taken | off | s said | taken | off | file, off |\n|---|---|---|---|---|---|---|---|---|\n{rows}",
         desk.load_words(),
         desk.provenance("budgets"),
+    ))
+}
+
+fn row(desk: &Desk, (_, size, more): &Case, scene: &Path) -> Result<String> {
+    let name = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    desk.say(&format!("budget of {name}"));
+    let scene = scene.display().to_string();
+    let (output, more) = (desk.file("budget.transport"), more.join(" "));
+    let with = |first: &[&str]| -> Vec<String> {
+        let common = [&scene, "--size", size, "--spp", "16", "--seed", SEED, "--json"].map(String::from);
+        first.iter().copied().chain(more.split_whitespace()).map(String::from).chain(common).collect()
+    };
+    let (said, _) = run(&with(&["bake", "--estimate"]))?;
+    let (took, peak_bytes) = run(&with(&["bake", "--fresh", "-o", &output]))?;
+    let (said_secs, secs) = (number(&said, "/secs"), number(&took, "/bake_secs"));
+    let (said_bytes, bytes) = (number(&said, "/peak_bytes"), peak_bytes as f64);
+    let file = std::fs::metadata(&output)?.len() as f64;
+    let said_file = number(&said, "/file_bytes");
+    let off = |said: f64, is: f64| 100.0 * (said / is - 1.0);
+    Ok(format!(
+        "| {} | {size} | {:.0} | {:.0} | {:+.0} % | {said_secs:.1} | {secs:.1} | {:+.0} % | {:+.0} % |\n",
+        [name.as_str(), &more].join(" ").trim_end(),
+        said_bytes / 1e6,
+        bytes / 1e6,
+        off(said_bytes, bytes),
+        off(said_secs, secs),
+        off(said_file, file),
     ))
 }
 

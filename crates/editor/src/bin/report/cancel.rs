@@ -60,7 +60,8 @@ pub fn write(desk: &Desk) -> Result<String> {
     let scenes = [Some(desk.root.join("assets/scenes/gallery.glb"))].into_iter().chain(shared).flatten();
     let mut rows = String::new();
     for path in scenes.take(desk.choose(1, 3)) {
-        rows += &of_scene(desk, &path)?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        rows += &desk.part::<String>("cancel", &name, || of_scene(desk, &name, &path))?;
     }
     Ok(format!(
         "A scene is read, and a bake of it of {} × {} pixels with {PATCHES} patches and irradiance made; both are cancelled at moments\n\
@@ -76,11 +77,10 @@ pub fn write(desk: &Desk) -> Result<String> {
     ))
 }
 
-fn of_scene(desk: &Desk, path: &Path) -> Result<String> {
-    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+fn of_scene(desk: &Desk, name: &str, path: &Path) -> Result<String> {
     desk.say(&format!("cancels of {name}"));
     let n_cancels = desk.choose(3, 6);
-    let (scene, mut rows) = of_reading(&name, path, n_cancels)?;
+    let (scene, mut rows) = of_reading(name, path, n_cancels)?;
     let camera = scene.scene.cameras.first().cloned().context("the scene has no camera")?;
     let config = BakeConfig { spp: 8, patches: PATCHES, ..BakeConfig::default() };
     let irradiance = vec![IrradianceRows::Pixels];

@@ -3,7 +3,7 @@
 use clerestory::compare::white_level;
 use clerestory_relight::Radiance;
 
-use super::fit::median;
+use super::fit::{median, tenths};
 
 /// Part of a column's entries that may be brighter than its peak.
 const PEAK_QUANTILE: f64 = 0.995;
@@ -68,11 +68,13 @@ pub struct Told {
     pub is_bound: bool,
 }
 
-impl Told {
-    /// With one digit behind the point.
-    pub fn words(self) -> String {
-        format!("{}{:.1}", if self.is_bound { "≥ " } else { "" }, self.db)
+/// Errors of repeats, median (least…greatest), a bound where one of them is one; “—” of none.
+pub fn told_words(repeats: &[Told]) -> String {
+    if repeats.is_empty() {
+        return "—".into();
     }
+    let words = tenths(repeats.iter().map(|told| told.db).collect());
+    if repeats.iter().any(|told| told.is_bound) { format!("≥ {words}") } else { words }
 }
 
 /// The error of a picture beside two whose noise is their own, given the entries of all three: the mean of (x − a)(x − b)
@@ -184,6 +186,14 @@ mod tests {
     }
 
     #[test]
+    fn repeats_of_which_one_is_a_bound_are_told_as_one() {
+        let told = |db: f64, is_bound: bool| Told { db, is_bound };
+        assert_eq!(told_words(&[told(30.0, false), told(31.5, false), told(29.0, false)]), "30.0 (29.0…31.5)");
+        assert_eq!(told_words(&[told(30.0, false), told(31.0, true)]), "≥ 30.5 (30.0…31.0)");
+        assert_eq!([vec![told(30.0, true)], Vec::new()].map(|repeats| told_words(&repeats)), ["≥ 30.0", "—"]);
+    }
+
+    #[test]
     fn pixels_left_out_do_not_count_and_a_standard_error_is_marked() {
         // Each tenth pixel shows a lamp.
         let is_lamp: Vec<bool> = (0..100).map(|nth| nth % 10 == 0).collect();
@@ -194,11 +204,11 @@ mod tests {
         };
         let (truth, off) = (picture(|_| 1.0), picture(|_| 1.1));
         let told = pixels_beside_two(&off, [&truth, &truth], &is_lamp).expect("pixels");
-        assert_eq!(told.words(), "20.0");
+        assert_eq!(told_words(&[told]), "20.0");
         let a = picture(|nth| if nth % 2 == 0 { 1.1 } else { 0.9 });
         let b = picture(|nth| if nth % 4 < 2 { 1.1 } else { 0.9 });
         let told = pixels_beside_two(&truth, [&a, &b], &is_lamp).expect("pixels");
-        assert!(told.is_bound && told.words().starts_with("≥ "), "{told:?}");
+        assert!(told.is_bound && told_words(&[told]).starts_with("≥ "), "{told:?}");
         assert_eq!(pixels_beside_two(&truth, [&a, &b], &[true; 100]), None);
     }
 
@@ -207,7 +217,7 @@ mod tests {
         let squares = [1e-4, 1e-2, 1e-3].map(|square| [square; 2]).to_vec();
         let of = |are_bounds: [bool; 3]| {
             let errors = ColumnErrors { squares: squares.clone(), are_bounds: are_bounds.to_vec() };
-            errors.median_and_worst().expect("columns").map(Told::words)
+            errors.median_and_worst().expect("columns").map(|told| told_words(&[told]))
         };
         assert_eq!(of([true, false, false]), ["30.0", "20.0"]);
         assert_eq!(of([false, true, false]), ["30.0", "≥ 20.0"]);

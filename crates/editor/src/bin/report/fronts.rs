@@ -73,13 +73,16 @@ pub fn write(desk: &Desk) -> Result<String> {
         let points: Vec<Point> = desk.part("fronts", &name, || measured(desk, &name, picture))?;
         found.push((name, points));
     }
+    let Sampling { film, spp, .. } = own_sampling(desk);
     let mut text = format!(
         "## What nobody beats\n\n\
          Every method of the section Methods, block by block of 16 × 16 pixels at ranks {}, two bytes for each number that it stores; and ours as a file has\n\
          it, asked for {} dB, all bytes counted, with a rank for each block. So that methods are compared and not formats alone, some rivals are packed like ours, too (\"packed\"), asked for the same. The error is that of single texels, as in Methods. The time is that of our relighter on one\n\
-         thread with the factors of each method, all lights new, least…greatest of {TURNS} rounds over all methods and ranks, of which the least counts; methods whose entries are no product of factors make all entries anew for each picture. Single precision, seed {SEED}. {}\n",
+         thread with the factors of each method, all lights new, least…greatest of {TURNS} rounds over all methods and ranks, of which the least counts; methods whose entries are no product of factors make all entries anew for each picture. The matrix of `diffuse.glb` is of {} × {} pixels, {spp} samples per pixel and half. Single precision, seed {SEED}. {}\n",
         RANKS.map(|rank| rank.to_string()).join(", "),
         TOLERANCES_DB.map(|db| db.to_string()).join(", "),
+        film.width,
+        film.height,
         desk.load_words(),
     );
     for (title, label, file, cost) in COSTS {
@@ -112,12 +115,16 @@ fn pictures(desk: &Desk) -> Result<Vec<(String, Picture)>> {
             found.push((name.to_string(), Picture::shared(&path, "T")?));
         }
     }
-    let (film, spp) = desk.choose((Film { width: 32, height: 32 }, 32), (Film { width: 64, height: 48 }, 256));
-    let sampling = Sampling { film, step: 1, bounces: None, spp };
     let path = desk.root.join("assets/scenes/diffuse.glb");
-    let halves = own::halves(desk, &path, None, (sampling, SEED))?;
+    let halves = own::halves(desk, &path, None, (own_sampling(desk), SEED))?;
     found.push(("diffuse.glb".into(), own::mean_and_noise(&halves).0));
     Ok(found)
+}
+
+/// How the matrix of ours is sampled.
+fn own_sampling(desk: &Desk) -> Sampling {
+    let (film, spp) = desk.choose((Film { width: 32, height: 32 }, 32), (Film { width: 64, height: 48 }, 256));
+    Sampling { film, step: 1, bounces: None, spp }
 }
 
 fn measured(desk: &Desk, name: &str, picture: Picture) -> Result<Vec<Point>> {

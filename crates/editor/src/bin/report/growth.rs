@@ -47,8 +47,8 @@ struct Cost {
     error_db: f64,
 }
 
-/// Times that a bake is measured, as long as all of them together took no more than so many seconds before.
-const TURNS: usize = 3;
+/// Times that a bake is measured, in a hurry and else, as long as all of them together took no more than so many seconds before.
+const TURNS: [usize; 2] = [1, 3];
 const PATIENCE_SECS: f64 = 30.0;
 /// CPU seconds from which on a point is fitted: they are counted in hundredths.
 const LEAST_SECS: f64 = 0.05;
@@ -98,7 +98,7 @@ fn bounces(bench: &mut Bench, n: u32) -> f64 {
 pub fn write(desk: &Desk) -> Result<String> {
     let size = desk.choose([64, 48], [128, 96]);
     let bench = Bench { triangles: 100_000, side: 8, size, spp: desk.choose(4, 8), bounces: None };
-    let (mut rows, mut panels) = (String::new(), Vec::new());
+    let (mut rows, mut panels, turns) = (String::new(), Vec::new(), desk.choose(TURNS[0], TURNS[1]));
     for (what, values, set) in desk.choose(QUICK, FULL) {
         let mut costs = Vec::new();
         for &value in values {
@@ -108,7 +108,7 @@ pub fn write(desk: &Desk) -> Result<String> {
                 let at = set(&mut bench, value);
                 let mut cost = Cost { at, ..in_own_process(bench)? };
                 let taken = |cost: &Cost| cost.prepare_secs.iter().chain(&cost.bake_secs).sum::<f64>();
-                while cost.bake_secs.len() < TURNS && taken(&cost) <= PATIENCE_SECS {
+                while cost.bake_secs.len() < turns && taken(&cost) <= PATIENCE_SECS {
                     let again = in_own_process(bench)?;
                     cost.prepare_secs.extend(again.prepare_secs);
                     cost.bake_secs.extend(again.bake_secs);
@@ -123,7 +123,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Growth\n\n\
          A generated hall of {} triangles under a panel of 8 × 8 texels, {} × {} pixels, {} samples of each, indirect light traced, roulette alone ends\n\
          paths; then one thing after the other grows (with the pixels, 16 columns and 2 samples). CPU seconds of preparing the scene (hierarchy, lights) and\n\
-         of the bake, each in a process of its own, median (least…greatest) of {TURNS} where they took no more than {PATIENCE_SECS} s together, else once; memory is the most that it had beyond the prepared scene; bytes are those of the file, the error is what the bake tells of itself (truncation and sampling): where it grows, what is kept of noise shrinks, and with it the file. The exponent e of the\n\
+         of the bake, each in a process of its own, median (least…greatest) of {turns} where they took no more than {PATIENCE_SECS} s together, else once; memory is the most that it had beyond the prepared scene; bytes are those of the file, the error is what the bake tells of itself (truncation and sampling): where it grows, what is kept of noise shrinks, and with it the file. The exponent e of the\n\
          power law y ∝ xᵉ is fitted by least squares of the logarithms to so many points: left out are no bounces at all, and CPU seconds below {LEAST_SECS}, as they are counted in hundredths. Seed 1. {}\n",
         bench.triangles,
         size[0],

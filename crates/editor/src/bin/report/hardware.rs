@@ -20,14 +20,14 @@ pub fn is_here() -> bool {
 /// If there is no such device, or it fails.
 pub fn write(desk: &Desk) -> Result<String> {
     let gpu = Gpu::headless(DeviceChoice::Hardware)?;
-    let relit: String = desk.part(NAME, "relight", || relight::tables(desk, DeviceChoice::Hardware))?;
-    let dragged: String = desk.part(NAME, "latency", || latency::table(desk, DeviceChoice::Hardware))?;
-    let moved: String = desk.part(NAME, "steps", || steps::table(desk, Some(&gpu)))?;
+    let relit = relight::tables(desk, NAME, DeviceChoice::Hardware)?;
+    let dragged = latency::table(desk, NAME, DeviceChoice::Hardware)?;
+    let moved = steps::table(desk, NAME, Some(&gpu))?;
     let grown = growth::threads::write(desk, NAME)?;
     Ok(format!(
         "## A machine with a graphics card\n\n\
          The tables of *Relighting*, *Latency*, *Steps of a moved lamp* and *Threads* once more, where there is a graphics device of hardware; what their columns mean stands there. {}\n\
-         {relit}\n### A slider dragged\n\n{dragged}\n### Steps of a moved lamp\n\n{moved}{grown}",
+         {relit}\n### A slider dragged\n\n{dragged}\n### A lamp moved\n\n{moved}{grown}",
         desk.load_words(),
     ))
 }

@@ -46,7 +46,7 @@ const DEVICE_EVENTS: [usize; 2] = [20, 150];
 /// # Errors
 /// If the scene cannot be prepared, or a picture does not come.
 pub fn write(desk: &Desk) -> Result<String> {
-    let table = table(desk, DeviceChoice::Any)?;
+    let table = table(desk, "latency", DeviceChoice::Any)?;
     let (n_events, n_device_events) =
         (desk.choose(EVENTS[0], EVENTS[1]), desk.choose(DEVICE_EVENTS[0], DEVICE_EVENTS[1]));
     Ok(format!(
@@ -70,28 +70,35 @@ pub fn write(desk: &Desk) -> Result<String> {
     ))
 }
 
-/// The same on the CPU and on each device of a kind, as a table alone.
+/// The same on the CPU and on each device of a kind, as a table alone; each size is a part of a section.
 ///
 /// # Errors
 /// As [`write()`].
-pub fn table(desk: &Desk, choice: DeviceChoice) -> Result<String> {
+pub fn table(desk: &Desk, section: &str, choice: DeviceChoice) -> Result<String> {
     let mut rows = String::new();
     for film in [Film { width: 1024, height: 768 }, Film { width: 1920, height: 1080 }] {
-        let size = format!("{}×{}", film.width, film.height);
-        desk.say(&format!("dragging a slider at {size}"));
-        let bake = synthetic_bake(film)?;
-        let path = PathBuf::from(desk.file("latency.transport"));
-        archive::write(&bake, &path)?;
-        let drag = Window::open(&path, None)?.drag(desk.choose(EVENTS[0], EVENTS[1]))?;
-        let asked_ms = (film == ASKED.0 && rayon::current_num_threads() <= ASKED_CORES).then_some(ASKED.1);
-        rows += &format!("| {size} | event to picture, relit on the CPU | {} |\n", quantiles(drag.whole, asked_ms));
-        rows += &format!("| {size} | of that, drawing one frame of the window | {} |\n", quantiles(drag.frames, None));
-        for painter in Painter::all(choice) {
-            desk.say(&format!("the same on {}", painter.name()));
-            rows += &on_device(painter, &size, &path, &bake, desk.choose(DEVICE_EVENTS[0], DEVICE_EVENTS[1]))?;
-        }
+        let part = format!("latency-{}x{}", film.width, film.height);
+        rows += &desk.part::<String>(section, &part, || of_size(desk, film, choice))?;
     }
     Ok(format!("| size | what | median | 99th percentile |\n|---|---|---|---|\n{rows}"))
+}
+
+/// The rows of a size.
+fn of_size(desk: &Desk, film: Film, choice: DeviceChoice) -> Result<String> {
+    let size = format!("{}×{}", film.width, film.height);
+    desk.say(&format!("dragging a slider at {size}"));
+    let bake = synthetic_bake(film)?;
+    let path = PathBuf::from(desk.file("latency.transport"));
+    archive::write(&bake, &path)?;
+    let drag = Window::open(&path, None)?.drag(desk.choose(EVENTS[0], EVENTS[1]))?;
+    let asked_ms = (film == ASKED.0 && rayon::current_num_threads() <= ASKED_CORES).then_some(ASKED.1);
+    let mut rows = format!("| {size} | event to picture, relit on the CPU | {} |\n", quantiles(drag.whole, asked_ms));
+    rows += &format!("| {size} | of that, drawing one frame of the window | {} |\n", quantiles(drag.frames, None));
+    for painter in Painter::all(choice) {
+        desk.say(&format!("the same on {}", painter.name()));
+        rows += &on_device(painter, &size, &path, &bake, desk.choose(DEVICE_EVENTS[0], DEVICE_EVENTS[1]))?;
+    }
+    Ok(rows)
 }
 
 /// The rows of a device: the whole way, what of it the window's thread works, and handing over relighting alone.

@@ -171,6 +171,7 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
         let page = page::replaced(&page, section.name, text.trim_end())
             .with_context(|| format!("{} has lost its marks", path.display()))?;
         put(&path, &page)?;
+        desk.finish(section.name)?;
     }
     let path = desk.pages.join("benchmarks.md");
     for section in SECTIONS.iter().filter(asked) {

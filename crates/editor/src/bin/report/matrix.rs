@@ -45,7 +45,7 @@ type Asked = (u32, f32);
 /// # Errors
 /// If a scene cannot be loaded or baked, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
-    let (film, step) = desk.choose((Film { width: 128, height: 96 }, 1), (Film { width: 512, height: 384 }, 4));
+    let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 512, height: 384 }, 4));
     let (samples, spp): (&[u32], u32) = desk.choose((&[4, 16], 16), (&[4, 16, 64], 128));
     let to_tolerance = desk.choose(&[][..], &[(64, 24.0), (64, 26.0), (64, 28.0), (64, 34.0), (64, 36.0), (64, 38.0)]);
     let asked: Vec<Asked> = samples.iter().map(|&spp| (spp, NO_TOLERANCE_DB)).chain(to_tolerance.to_vec()).collect();

@@ -16,7 +16,8 @@ const HEAD: &str = "# Benchmarks\n\n\
     relight; ablations, with the work that is skipped; what a sitting costs; and every method on matrices on which methods fail, which\n\
     has a page of its own: [stability](stability.md). The other sections measure one part of the program each.\n\n\
     Scenes of `assets/scenes` are always measured. Others, and the matrices `mixed` and `reflect`, lie in a folder that\n\
-    `CLERESTORY_SHARED` names (`scenes/*.glb`, `references/*.glb`, `env/*`, `matrices/*.npz`); without it their rows are left out. Both\n\
+    `CLERESTORY_SHARED` names (`scenes/*.glb`, `references/*.glb`, `env/*`, `matrices/*.npz`); without it their rows are left out, and a\n\
+    section of theirs alone stays as it was, as that of a graphics card does where there is none. Both\n\
     matrices are of a room of 128 × 96 pixels and 256 texels that another program traced; the file of `mixed` holds two noisy halves of\n\
     it, too. What bakes are held against is made once and kept in the user's cache, or in the folder that\n\
     `CLERESTORY_REPORT_CACHE` names. Cycles and Mitsuba are asked where `CLERESTORY_PYTHON` names a Python that has `bpy` or\n\

@@ -1,5 +1,6 @@
 //! Rays: our tree against the one of the library that clusters its triangles.
 
+use std::ffi::OsStr;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
@@ -18,27 +19,24 @@ const AIMS: [Option<f64>; 4] = [Some(2.3), Some(2.1), Some(2.1), None];
 /// # Errors
 /// If the example cannot be built or fails.
 pub fn write(desk: &Desk) -> Result<String> {
-    let scenes = ["conference", "bitterli-living-room"].map(|name| desk.shared(&format!("scenes/{name}.glb")));
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let mut example = Command::new(cargo);
-    example.args(["run", "--release", "--locked", "-p", "clerestory-transport", "--example", "ray_rates", "--"]);
-    example.args(["--rays", desk.choose("100000", "1000000"), "--hall", desk.choose("100000", "1000000")]);
-    example.args(scenes.iter().flatten()).current_dir(&desk.root);
-    desk.say("asking rays of both trees");
-    let told = example.output().context("cannot run cargo")?;
-    if !told.status.success() {
-        bail!("the example ray_rates failed: {}", String::from_utf8_lossy(&told.stderr));
+    let mut rows = String::new();
+    for name in ["conference", "bitterli-living-room"] {
+        let Some(path) = desk.shared(&format!("scenes/{name}.glb")) else { continue };
+        let told: Vec<Value> = desk.part("rays", name, || rates(desk, name, &[path.as_os_str()]))?;
+        rows.extend(told.iter().map(row));
     }
-    let told: Vec<Value> = serde_json::from_slice(&told.stdout).context("the example ray_rates printed no JSON")?;
-    let rows: String = told.iter().map(row).collect();
+    let hall = ["--hall", desk.choose("100000", "1000000")].map(OsStr::new);
+    let told: Vec<Value> = desk.part("rays", "hall", || rates(desk, "the generated hall", &hall))?;
+    rows.extend(told.iter().map(row));
     Ok(format!(
         "## Rays\n\n\
          Million rays per second of one thread: ours / obvhs' CWBVH at its slowest preset as it comes = ratio. The same rays, in one process,\n\
-         in turn, the best of four passes, CPU time, behind it the ratios of single passes, least…greatest. Rays of the camera; rays scattered on from what it sees; shadow rays towards a panel of\n\
+         in turn, the best of four passes, CPU time, behind it the ratios of single passes, least…greatest. About {} rays of the camera, one through each pixel of a picture of 4 : 3; rays scattered on from what it sees; shadow rays towards a panel of\n\
          1 m² under the ceiling; fans of sixteen of them towards neighboring texels (single rays where there are no fans). Builders in CPU\n\
          seconds. Aimed at: {}, what Embree is said to reach with single rays, which this command does not measure. Rays of the camera have seed 1, scattered ones 2, shadow rays 3. The last column counts rays that the two answer otherwise, hits a thousandth apart, or eight steps of single precision at the corner farthest out, being the same: {}; behind it how many of them ours / the other answers other than all triangles do in double precision. {}\n\n\
-         | scene | triangles | build | {} | answered otherwise |\n\
-         |---|---|---|---|---|---|---|---|\n{rows}",
+         | scene | triangles | rays: {} | build | {} | answered otherwise |\n\
+         |---|---|---|---|---|---|---|---|---|\n{rows}",
+        n_rays(desk),
         KINDS
             .iter()
             .zip(AIMS)
@@ -47,8 +45,28 @@ pub fn write(desk: &Desk) -> Result<String> {
             .join(", "),
         KINDS.join(", "),
         desk.load_words(),
+        KINDS.join(", "),
         KINDS.join(" | "),
     ))
+}
+
+/// What the example tells of a scene, given as it takes it.
+fn rates(desk: &Desk, name: &str, scene: &[&OsStr]) -> Result<Vec<Value>> {
+    desk.say(&format!("asking rays of both trees in {name}"));
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut example = Command::new(cargo);
+    example.args(["run", "--release", "--locked", "-p", "clerestory-transport", "--example", "ray_rates", "--"]);
+    example.args(["--rays", n_rays(desk)]).args(scene).current_dir(&desk.root);
+    let told = example.output().context("cannot run cargo")?;
+    if !told.status.success() {
+        bail!("the example ray_rates failed: {}", String::from_utf8_lossy(&told.stderr));
+    }
+    serde_json::from_slice(&told.stdout).context("the example ray_rates printed no JSON")
+}
+
+/// About so many rays of the camera, as the example takes them.
+fn n_rays(desk: &Desk) -> &'static str {
+    desk.choose("100000", "1000000")
 }
 
 fn row(scene: &Value) -> String {
@@ -67,9 +85,10 @@ fn row(scene: &Value) -> String {
         if differ > 0.0 { format!("{differ:.0} ({ours:.0} / {theirs:.0})") } else { format!("{differ:.0}") }
     });
     format!(
-        "| {} | {:.0} | {:.2} / {:.2} | {} | {} |\n",
+        "| {} | {:.0} | {} | {:.2} / {:.2} | {} | {} |\n",
         scene["scene"].as_str().unwrap_or("scene"),
         number(scene, "/triangles"),
+        KINDS.map(|kind| format!("{:.0}", number(of(kind), "/rays"))).join(", "),
         number(scene, "/build_secs/ours"),
         number(scene, "/build_secs/theirs"),
         rates
@@ -92,7 +111,7 @@ mod tests {
     fn rays_that_are_answered_otherwise_are_told_with_who_is_wrong() {
         let kind = |kind: &str, differ: u32| {
             json!({
-                "kind": kind, "ours": 20.0, "theirs": 8.0, "ratios": [2.4, 2.6],
+                "kind": kind, "rays": 640, "ours": 20.0, "theirs": 8.0, "ratios": [2.4, 2.6],
                 "differ": differ, "wrong": { "ours": 1, "theirs": 94 },
             })
         };
@@ -100,6 +119,7 @@ mod tests {
         let told = row(&json!({
             "scene": "hall", "triangles": 12, "build_secs": { "ours": 1.0, "theirs": 2.0 }, "kinds": kinds,
         }));
+        assert!(told.starts_with("| hall | 12 | 640, 640, 640, 640 | 1.00 / 2.00 |"), "{told}");
         assert!(told.contains("| 20.0 / 8.0 = 2.50× (2.40…2.60), kept |"), "{told}");
         assert!(told.ends_with("| 0, 95 (1 / 94), 0, 0 |\n"), "{told}");
     }

@@ -16,7 +16,7 @@ use super::desk::{Desk, cpu_name};
 /// Width, height, columns, rank, and how many bytes an entry of the factors takes.
 type Job = [u32; 5];
 
-const QUICK: [Job; 3] = [[512, 384, 256, 4, 2], [1024, 768, 256, 8, 2], [1024, 768, 256, 8, 1]];
+const QUICK: [Job; 3] = [[256, 192, 256, 4, 2], [512, 384, 256, 8, 2], [512, 384, 256, 8, 1]];
 const FULL: [Job; 11] = [
     [512, 384, 256, 4, 2],
     [1024, 768, 256, 4, 2],
@@ -32,8 +32,10 @@ const FULL: [Job; 11] = [
 ];
 /// Pixels of the largest job for a device that is none.
 const SOFTWARE_PIXELS: u32 = 1024 * 768;
-/// Turns of each job; the probe of memory is read once in each, so that other work on the machine meets both.
-const TURNS: usize = 12;
+/// Turns of each job, in a hurry and else; the probe of memory is read once in each, so that other work on the machine meets both.
+const TURNS: [usize; 2] = [4, 12];
+/// Seeds of the coefficients of a turn, more than it has steps.
+const SEEDS_OF_TURN: usize = 100;
 /// Bytes of the probe of memory, far more than caches hold.
 const PROBE_BYTES: usize = 1 << 30;
 /// The same on a device, which is asked for twice as many.
@@ -52,14 +54,14 @@ const REPEATS: usize = 3;
 /// # Errors
 /// If a device fails.
 pub fn write(desk: &Desk) -> Result<String> {
-    let mut measured = tables(desk, DeviceChoice::Any)?;
+    let (mut measured, n_turns) = (tables(desk, "relight", DeviceChoice::Any)?, turns(desk));
     if Gpu::all_headless(DeviceChoice::Any).is_empty() {
         measured += "\nNo graphics adapter was there.\n";
     }
     Ok(format!(
         "## Relighting\n\n\
-         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere, random factors of seed {}; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Least…greatest of\n\
-         {TURNS} turns, shares by the least: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
+         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere, random factors of seed {}, coefficients of the seeds from {SEEDS_OF_TURN} times the turn on; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Least…greatest of\n\
+         {n_turns} turns, shares by the least: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
          read (16-bit floats, or bytes with a scale per vector), and the radiance that is written; on a device it is read again, and what is shown is written. On the CPU each is done {REPEATS} times in a row, as in a drag, and the last is timed.\n\
          The share is that of what the same memory did in the same turns: read by all threads on the CPU, of far more than caches hold; copied by a kernel on a device. What moves\n\
          little comes from caches, faster than memory is: the last two columns hold it against reading as many bytes again and again.\n\n\
@@ -73,17 +75,22 @@ pub fn write(desk: &Desk) -> Result<String> {
     ))
 }
 
-/// A table of the CPU and one of each device of a kind.
+/// A table of the CPU and one of each device of a kind, as parts of a section.
 ///
 /// # Errors
 /// If a device fails.
-pub fn tables(desk: &Desk, choice: DeviceChoice) -> Result<String> {
+pub fn tables(desk: &Desk, section: &str, choice: DeviceChoice) -> Result<String> {
     let jobs = desk.choose(&QUICK[..], &FULL[..]);
-    let mut measured = on_cpu(desk, jobs)?;
-    for gpu in &Gpu::all_headless(choice) {
-        measured += &device::table(desk, gpu, jobs)?;
+    let mut measured: String = desk.part(section, "relight-cpu", || on_cpu(desk, jobs))?;
+    for (nth, gpu) in Gpu::all_headless(choice).iter().enumerate() {
+        let part = format!("relight-device-{nth}");
+        measured += &desk.part::<String>(section, &part, || device::table(desk, gpu, jobs))?;
     }
     Ok(measured)
+}
+
+fn turns(desk: &Desk) -> usize {
+    desk.choose(TURNS[0], TURNS[1])
 }
 
 /// The least and the greatest of some seconds.
@@ -180,8 +187,8 @@ fn recipe([width, height, n_cols, rank, depth]: Job) -> Recipe {
 
 /// Coefficients of a step of a turn: all of them others than before, then one.
 pub fn coefficients(recipe: &Recipe, turn: usize, step: usize) -> [Vec<Vec<[f32; 3]>>; 2] {
-    let all = recipe.coefficients((100 * turn + step) as u64);
-    let mut one = recipe.coefficients((100 * turn) as u64);
+    let all = recipe.coefficients((SEEDS_OF_TURN * turn + step) as u64);
+    let mut one = recipe.coefficients((SEEDS_OF_TURN * turn) as u64);
     let n_cols = one[0].len();
     one[0][turn * 37 % n_cols] = [1.5, 0.25, 0.75 + step as f32];
     [all, one]
@@ -197,7 +204,7 @@ fn on_cpu(desk: &Desk, jobs: &[Job]) -> Result<String> {
         let mut relighter = CpuRelighter::with_precision(&recipe.frame(), Precision::ByError)?;
         let (mut radiance, mut row) = (Radiance::default(), Row::new(job));
         relighter.relight(&recipe.coefficients(1000), &mut radiance)?;
-        for turn in 0..TURNS {
+        for turn in 0..turns(desk) {
             for what in 0..2 {
                 let drag: Vec<_> = (0..REPEATS).map(|i| coefficients(&recipe, turn, i)[what].clone()).collect();
                 let (last, before) = drag.split_last().context("some repeats")?;

@@ -26,8 +26,9 @@ use super::rendered::as_in_file;
 
 /// Tolerance in dB, one that many blocks can reach.
 const TOLERANCE_DB: f32 = 12.0;
-/// Times that each bake is measured, all of them in turn; those that sample every block to the end take longest by far: once.
-const TRIES: usize = 3;
+/// Times that each bake is measured, in a hurry and else, all of them in turn; those that sample every block to the end take longest by
+/// far: once.
+const TRIES: [usize; 2] = [1, 3];
 
 /// Scene of `assets/scenes` that is baked again.
 const AGAIN: &str = "gallery";
@@ -121,7 +122,11 @@ impl Judge {
 
 /// Of a reference: few of the picture's pixels, so that it takes less than a bake without any skip.
 fn sampling(desk: &Desk, film: Film) -> Sampling {
-    Sampling { film, step: desk.choose(2, 4), bounces: None, spp: desk.choose(16, 32) }
+    Sampling { film, step: desk.choose(2, 4), bounces: None, spp: desk.choose(8, 32) }
+}
+
+fn tries(desk: &Desk) -> usize {
+    desk.choose(TRIES[0], TRIES[1])
 }
 
 /// Bakes scenes with every skip, without each one, and without any.
@@ -130,7 +135,7 @@ fn sampling(desk: &Desk, film: Film) -> Sampling {
 /// If a scene cannot be baked, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
     let film = desk.choose(Film { width: 32, height: 32 }, Film { width: 256, height: 192 });
-    let spp = desk.choose(16, 64);
+    let (spp, tries) = (desk.choose(8, 64), tries(desk));
     let Sampling { step, spp: reference_spp, .. } = sampling(desk, film);
     let mut tables = String::new();
     for subject in Subject::all(desk, film) {
@@ -141,7 +146,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Work that is skipped\n\n\
          Bakes with at most {spp} samples per pixel, asked for {TOLERANCE_DB} dB, indirect light traced, no preview: with all\n\
          skips, with each one off alone, and with all off. Times are CPU seconds (user and system) of the whole process, median (least…greatest) of\n\
-         {TRIES} turns through the table, and their ratio that within a turn; those in which no block ends early once. Seed 1 but where another is told. *Picture* holds the picture under the\n\
+         {tries} turns through the table, and their ratio that within a turn; those in which no block ends early once. Seed 1 but where another is told. *Picture* holds the picture under the\n\
          light of the file against that with all skips: 10·log10(pk² / mean Δ²), pk the 99.5 percentile. Where random numbers\n\
          differ it shows their noise, which the row with another seed tells. *Single lights* (median) and *all lights* of the file are errors as in the section Error\n\
          against time, beside two references of {reference_spp} samples per pixel each, of pixels that are {step} apart, for which no work was left out. {}\n{tables}",
@@ -155,7 +160,7 @@ fn table(desk: &Desk, subject: &Subject, spp: u32) -> Result<String> {
     let judge = Judge::new(desk, subject)?;
     let ways = ways();
     let mut runs: Vec<Run> = Vec::new();
-    for turn in 0..TRIES {
+    for turn in 0..tries(desk) {
         for (nth, (what, skips, seed)) in ways.iter().enumerate() {
             if turn > 0 && !skips.has(Skip::ConvergedBlocks) {
                 continue;

@@ -41,7 +41,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     let device = gpu
         .as_ref()
         .map_or("No graphics device was found.".into(), |gpu| format!("The device: {}.", gpu.description()));
-    let table = table(desk, gpu.as_ref())?;
+    let table = table(desk, "steps", gpu.as_ref())?;
     Ok(format!(
         "## Steps of a moved lamp\n\n\
          *Whole* is what the window does from a lamp that has moved to the picture on the screen of 1024 × 768, its own drawing aside: one sample of the direct light of each pixel, the irradiance of\n\
@@ -55,22 +55,24 @@ pub fn write(desk: &Desk) -> Result<String> {
     ))
 }
 
-/// The table alone.
+/// The table alone; each scene is a part of a section.
 ///
 /// # Errors
 /// As [`write()`].
-pub fn table(desk: &Desk, gpu: Option<&Gpu>) -> Result<String> {
+pub fn table(desk: &Desk, section: &str, gpu: Option<&Gpu>) -> Result<String> {
     let mut text = "| scene | lamp | whole, CPU | whole, with the device | direct | shadow rays | rays a second | patches | kernel | back | device | left to the CPU |\n\
         |---|---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_string();
     for case in cases(desk) {
-        desk.say(&format!("steps in {}", case.name));
-        let (scene, camera) = prepared(&case.path, case.sky.as_deref())?;
-        let scene = Arc::new(scene);
-        let config =
-            BakeConfig { spp: SPP, patches: DEFAULT_PATCHES, indirect: Indirect::Shared, ..BakeConfig::default() };
-        let (bake, _) = bake(&scene, &camera, STEP, config)?;
-        text += &rows(case.name, (&scene, &camera), &bake, gpu)?;
+        text += &desk.part::<String>(section, &format!("steps-{}", case.name), || {
+            desk.say(&format!("steps in {}", case.name));
+            let (scene, camera) = prepared(&case.path, case.sky.as_deref())?;
+            let scene = Arc::new(scene);
+            let config =
+                BakeConfig { spp: SPP, patches: DEFAULT_PATCHES, indirect: Indirect::Shared, ..BakeConfig::default() };
+            let (bake, _) = bake(&scene, &camera, STEP, config)?;
+            rows(case.name, (&scene, &camera), &bake, gpu)
+        })?;
     }
     Ok(text)
 }

@@ -13,6 +13,7 @@ use std::path::Path;
 use anyhow::Result;
 use clerestory_nystrom::CompressConfig;
 use clerestory_nystrom::rivals::{Core, Method};
+use serde::{Deserialize, Serialize};
 
 use self::coded::{Coded, Subject};
 use self::judged::{Judged, decibels};
@@ -40,36 +41,37 @@ const BESIDE_NOISE: [Method; 3] = [Method::Svd, Method::Alg4(Core::PseudoInverse
 
 /// One method's results.
 type Results = Vec<(Method, Result<Coded>)>;
+/// The text of a part, and its rows of the table of targets.
+type Told = (String, Goals);
 
 /// Measures everything that one page can hold.
 ///
 /// # Errors
 /// If a matrix cannot be read, or our own method finds no factors.
 pub fn write(desk: &Desk) -> Result<String> {
-    let mut text = String::new();
-    let mut goals = Goals::default();
+    let mut told: Vec<Told> = Vec::new();
     let names: &[&str] = desk.choose(&["mixed"], &["reflect", "mixed"]);
     let checksums = checksums(desk, names)?;
     for name in names {
         let Some(path) = desk.shared(&format!("matrices/{name}.npz")) else { continue };
-        let subject = Subject::new(Picture::shared(&path, "T")?, None);
-        for (_, target_db, aim) in RATIOS.into_iter().filter(|(of, ..)| of == name) {
-            let results = results(desk, name, &subject, target_db);
-            text += &format!("\n### `{name}` at {target_db} dB\n\n{}", table(&subject, target_db, &results));
-            goals.of_ratio(name, &subject, (target_db, aim), &results);
-        }
+        told.push(desk.part("targets", name, || of_matrix(desk, name, &path))?);
         if *name == "mixed" {
-            text += &noisy(desk, &path, &mut goals)?;
+            told.push(desk.part("targets", "noisy-halves", || noisy(desk, &path))?);
         }
     }
-    text += &many_columns(desk, &mut goals)?;
-    let (times, share) = times::write(desk)?;
+    told.push(desk.part("targets", "many-columns", || many_columns(desk))?);
+    let (times, share): (String, f64) = desk.part("targets", "times", || times::write(desk))?;
+    let (mut text, mut goals) = (String::new(), Goals::default());
+    for (of_part, goals_of_part) in told {
+        text += &of_part;
+        goals.rows.extend(goals_of_part.rows);
+    }
     goals.at_most("compressing over tracing".into(), 5.0, 100.0 * share, format!("{:.1} %", 100.0 * share));
     text += &times;
     Ok(format!(
         "## Targets\n\n\
-         What the method aims at, on `mixed` and `reflect` (see the head of this page) of 128 × 96 pixels and 256 columns without the emitters seen. Those who traced them tell that two of the kind differ by\n\
-         40.8 dB (`mixed`) and 39.1 dB (`reflect`) on average over all entries, so that what is asked for here counts noise of theirs as matter to be kept. {checksums}dB are 10·log10(pk² / mean ΔT²)\n\
+         What the method aims at, on `mixed` and `reflect` (see the head of this page) of 128 × 96 pixels and 256 columns without the emitters seen. They were traced,\n\
+         too, so that what is asked for here counts noise of theirs as matter to be kept. {checksums}dB are 10·log10(pk² / mean ΔT²)\n\
          over all entries, pk the median over columns of their 99.5 percentile. Every method is asked for the same tolerance, block by block of\n\
          16 × 16 pixels; what it finds is packed as a bake is, read back, and held against the converged matrix. The ratio is the dense matrix in\n\
          single precision over all bytes of the packed one; its picture under all columns is kept far better than asked, which is counted. `svd` is the\n\
@@ -86,6 +88,18 @@ pub fn write(desk: &Desk) -> Result<String> {
         desk.load_words(),
         goals.table(),
     ))
+}
+
+/// All methods on a shared matrix, at each of its targets.
+fn of_matrix(desk: &Desk, name: &str, path: &Path) -> Result<Told> {
+    let subject = Subject::new(Picture::shared(path, "T")?, None);
+    let (mut text, mut goals) = (String::new(), Goals::default());
+    for (_, target_db, aim) in RATIOS.into_iter().filter(|(of, ..)| *of == name) {
+        let results = results(desk, name, &subject, target_db);
+        text += &format!("\n### `{name}` at {target_db} dB\n\n{}", table(&subject, target_db, &results));
+        goals.of_ratio(name, &subject, (target_db, aim), &results);
+    }
+    Ok((text, goals))
 }
 
 /// All methods in turn, more than once: what they find is the same, and the shortest time of each counts.
@@ -172,11 +186,11 @@ fn cells(subject: &Subject, target_db: f64, coded: &Coded) -> String {
 }
 
 /// A panel of as many texels as a bake may have.
-fn many_columns(desk: &Desk, goals: &mut Goals) -> Result<String> {
+fn many_columns(desk: &Desk) -> Result<Told> {
     let side = desk.choose(32, 64);
     let subject = Subject::new(soft::picture(128, 96, side), None);
     let n_cols = side * side;
-    let mut rows = String::new();
+    let (mut rows, mut goals) = (String::new(), Goals::default());
     for target_db in [40.0, 45.0] {
         desk.say(&format!("{n_cols} columns at {target_db} dB"));
         let coded = subject.coded(Method::Projected, target_db)?;
@@ -191,18 +205,19 @@ fn many_columns(desk: &Desk, goals: &mut Goals) -> Result<String> {
     }
     let shared = 128 * n_cols * 2;
     let dense = subject.truth.values.len() * 4;
-    Ok(format!(
+    let text = format!(
         "\n### {n_cols} columns\n\n\
          A floor and a wall of colored squares under a panel of {side} × {side} texels with three balls between, direct light, 128 × 96 pixels; texels are\n\
          points, so that all shadows are sharp. A right basis of 128\n\
          vectors that all blocks share, in 16-bit floats, would by itself be one {:.0}th of the dense matrix.\n\n{}{rows}",
         dense as f64 / shared as f64,
         HEAD.replacen("method", "asked for", 1)
-    ))
+    );
+    Ok((text, goals))
 }
 
 /// Two noisy halves against the converged matrix.
-fn noisy(desk: &Desk, path: &Path, goals: &mut Goals) -> Result<String> {
+fn noisy(desk: &Desk, path: &Path) -> Result<Told> {
     let truth = Picture::shared(path, "T")?;
     let halves = [Picture::shared(path, "A")?, Picture::shared(path, "B")?];
     let peak = truth.peak();
@@ -210,7 +225,7 @@ fn noisy(desk: &Desk, path: &Path, goals: &mut Goals) -> Result<String> {
     let squares: f64 = mean.zip(&truth.values).map(|(x, t)| f64::from(x - t).powi(2)).sum();
     let before = decibels(squares / truth.values.len() as f64 / (peak * peak));
     let subject = Subject::new(truth, Some(halves));
-    let (mut rows, mut best) = (String::new(), f64::NEG_INFINITY);
+    let (mut rows, mut goals, mut best) = (String::new(), Goals::default(), f64::NEG_INFINITY);
     for target_db in NOISY {
         desk.say(&format!("the noisy halves of mixed at {target_db} dB"));
         let coded = subject.coded(Method::Projected, target_db)?;
@@ -241,16 +256,17 @@ fn noisy(desk: &Desk, path: &Path, goals: &mut Goals) -> Result<String> {
     }
     let what = "`mixed`: noisy halves to the converged matrix, dB, best of what was asked";
     goals.at_least(what.into(), 31.0, best, format!("{best:.1}, their mean: {before:.1}"));
-    Ok(format!(
+    let text = format!(
         "\n### Noisy halves of `mixed`\n\n\
          Two path-traced halves, the mean of which is at {before:.1} dB, asked for several tolerances: ours, and at one of them others that fit that mean as it is. The noise of the converged matrix\n\
          counts as error of blocks that come near it.\n\n{}{rows}",
         HEAD.replacen("method", "asked for, by", 1)
-    ))
+    );
+    Ok((text, goals))
 }
 
 /// Rows of the table of targets: what, asked for, ours, whether that keeps it, and what is beside it.
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 struct Goals {
     rows: Vec<[String; 5]>,
 }

@@ -21,6 +21,8 @@ use super::plot::{Axis, Panel, Scale, Series};
 /// Names of the sections of scenes that lie elsewhere, and of the first seconds.
 pub const OTHERS: &str = "time-others";
 pub const SECONDS: &str = "first-seconds";
+/// What its headings end with, so that none stands twice on the page.
+const OF_OTHERS: &str = ", in scenes of others";
 
 /// Errors that times are told for, in dB.
 const TARGETS_DB: [f64; 2] = [30.0, 35.0];
@@ -112,7 +114,7 @@ impl Measured {
 /// # Errors
 /// If a scene cannot be loaded or baked, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
-    measured(desk, ("time", "Error against time"), own(desk))
+    measured(desk, ("time", ""), own(desk))
 }
 
 /// Measures the scenes of others that are at hand.
@@ -120,7 +122,7 @@ pub fn write(desk: &Desk) -> Result<String> {
 /// # Errors
 /// As [`write()`].
 pub fn write_others(desk: &Desk) -> Result<String> {
-    measured(desk, (OTHERS, "Error against time, in scenes of others"), others(desk))
+    measured(desk, (OTHERS, OF_OTHERS), others(desk))
 }
 
 /// Whether there are any: without them the page keeps what was measured elsewhere.
@@ -128,7 +130,8 @@ pub fn has_others(desk: &Desk) -> bool {
     !others(desk).is_empty()
 }
 
-fn measured(desk: &Desk, (section, title): (&str, &str), subjects: Vec<Subject>) -> Result<String> {
+/// The tables and plots of some scenes; `of` is what their headings end with.
+fn measured(desk: &Desk, (section, of): (&str, &str), subjects: Vec<Subject>) -> Result<String> {
     let mut scenes = Vec::new();
     for subject in subjects {
         let mut measured: Measured = desk.part(section, subject.name, || {
@@ -143,7 +146,7 @@ fn measured(desk: &Desk, (section, title): (&str, &str), subjects: Vec<Subject>)
         scenes.push((subject, measured));
     }
     let mut text = format!(
-        "## {title}\n\n\
+        "## Error against time{of}\n\n\
          CPU seconds (user and system), without loading the scene and building its hierarchy, against the error in dB: ours with growing\n\
          numbers of samples, from the preview on; the same samples without compression; a path-traced render per light, all of them; and one\n\
          render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
@@ -156,15 +159,15 @@ fn measured(desk: &Desk, (section, title): (&str, &str), subjects: Vec<Subject>)
     for (class, what, file) in CHAPTERS {
         let panels = scenes.iter().map(|(subject, measured)| panel(subject, measured, class));
         let panels: Vec<Panel> = panels.filter(|panel| !panel.series.is_empty()).collect();
-        text += &format!("\n### {what}\n");
+        text += &format!("\n### {what}{of}\n");
         text +=
             &desk.plot(&format!("{section}-{file}"), &format!("{what}: error against CPU time, by scene"), &panels)?;
         text += &table(&scenes, class);
     }
-    text += &ends(&scenes);
-    text += &repeats(&scenes);
+    text += &ends(&scenes, of);
+    text += &repeats(&scenes, of);
     text += &beside_samples(scenes.iter().map(|(subject, measured)| (subject.name, measured.points.as_slice())));
-    text += &pays(&scenes);
+    text += &pays(&scenes, of);
     Ok(text)
 }
 
@@ -282,9 +285,9 @@ fn soonest<const N: usize>(secs: [Option<[f64; 2]>; N]) -> Option<usize> {
 }
 
 /// How near to the truth errors can be told.
-fn ends(scenes: &[(Subject, Measured)]) -> String {
+fn ends(scenes: &[(Subject, Measured)], of: &str) -> String {
     let mut text = format!(
-        "\n### Where the references end\n\n\
+        "\n### Where the references end{of}\n\n\
          dB that the mean of both references would be told to have, by its standard error alone: about as far as errors can be told; what is nearer to the truth is told as about that.\n\n\
          | scene | {} |\n|---|---|---|---|\n",
         CHAPTERS.map(|(class, ..)| CLASSES[class]).join(" | "),
@@ -297,10 +300,10 @@ fn ends(scenes: &[(Subject, Measured)]) -> String {
 }
 
 /// How far bakes and renders of few samples lie apart that differ by their seed alone.
-fn repeats(scenes: &[(Subject, Measured)]) -> String {
+fn repeats(scenes: &[(Subject, Measured)], of: &str) -> String {
     let ways: Vec<&str> = Way::ALL.iter().map(|way| way.name()).collect();
     let mut text = format!(
-        "\n### Repeats\n\n\
+        "\n### Repeats{of}\n\n\
          CPU seconds and dB with {} samples per pixel, median (least…greatest) of {} seeds, of a render per light one; dB of single lights, of a render of one look those of all lights of the file.\n\n\
          | scene | {} |\n|---|{}\n",
         runs::REPEATED_SPP,
@@ -346,9 +349,9 @@ fn beside_samples<'a>(scenes: impl Iterator<Item = (&'a str, &'a [Point])>) -> S
 }
 
 /// After how many changes of light a bake has cost less than a render for each.
-fn pays(scenes: &[(Subject, Measured)]) -> String {
-    let mut text = String::from(
-        "\n### Where a bake pays for itself\n\n\
+fn pays(scenes: &[(Subject, Measured)], of: &str) -> String {
+    let mut text = format!(
+        "\n### Where a bake pays for itself{of}\n\n\
          Looks of all lights after which the bake has cost less CPU time than a render of each at the same error; relighting itself takes\n\
          milliseconds (see Relighting) and is not counted. \"≤\" and \">\": one of the two reached the error before the first point that was measured, or\n\
          would have after the last; \"—\": nothing follows from them.\n\n\
@@ -419,7 +422,9 @@ mod tests {
         let film = Film { width: 4, height: 3 };
         let subject = Subject { name: "hall", path: PathBuf::new(), sky: None, film, step: 1 };
         let scenes = [(subject, Measured { n_cols: 1, points, ends: [Some(30.0), None, Some(45.25)] })];
-        assert!(ends(&scenes).ends_with("\n| hall | 30.0 | 45.2 | — |\n"), "{}", ends(&scenes));
+        let told = ends(&scenes, OF_OTHERS);
+        assert!(told.starts_with("\n### Where the references end, in scenes of others\n"), "{told}");
+        assert!(told.ends_with("\n| hall | 30.0 | 45.2 | — |\n"), "{told}");
         let rows = table(&scenes, 2);
         assert!(rows.contains("| hall | 4×3 | 30 | 4.0 | — | — | — | **0.40** |"), "{rows}");
         assert!(
@@ -435,9 +440,10 @@ mod tests {
         let words = beside_samples([("hall", points.as_slice())].into_iter());
         assert!(words.contains("of single lights 0.5, kept: +0.5 dB at worst (`hall`, 4 samples, seed 1);"), "{words}");
         assert!(words.contains("of the file -0.5, missed: -0.5 dB at worst (`hall`, 4 samples, seed 1)."), "{words}");
-        assert!(pays(&scenes).contains("| hall | 30 | 10 | — | — | — |"), "{}", pays(&scenes));
+        let told = pays(&scenes, "");
+        assert!(told.contains("| hall | 30 | 10 | — | — | — |"), "{told}");
         let words = " in 2 of 2 rows with indirect light shared, in none of 2 rows with it traced.\n";
-        assert!(pays(&scenes).ends_with(words), "{}", pays(&scenes));
+        assert!(told.ends_with(words), "{told}");
         let endless = f64::INFINITY;
         assert_eq!(soonest([Some([4.0, 4.0]), None, Some([3.0, endless])]), None, "the last may take 3 or 300");
         assert_eq!(soonest([Some([0.0, 1.4]), Some([1.7, 1.7])]), Some(0));

@@ -10,8 +10,8 @@ use clerestory_relight::{DisplayParams, Gpu, GpuRelighter, Precision, Relight, R
 
 use super::super::desk::Desk;
 use super::{
-    DEVICE_PROBE_BYTES, DEVICE_RADIANCE_BYTES, Ends, IN_A_ROW, Job, SHOWN_BYTES, SOFTWARE_PIXELS, TURNS, coefficients,
-    name, recipe,
+    DEVICE_PROBE_BYTES, DEVICE_RADIANCE_BYTES, Ends, IN_A_ROW, Job, SHOWN_BYTES, SOFTWARE_PIXELS, coefficients, name,
+    recipe, turns,
 };
 
 /// What devices of hardware do besides: beside so much the time between stages matters little.
@@ -52,7 +52,7 @@ pub fn table(desk: &Desk, gpu: &Gpu, jobs: &[Job]) -> Result<String> {
     let large = if gpu.is_software() { &[] } else { desk.choose(&[][..], &LARGE) };
     for &job in jobs.iter().filter(is_small).chain(large) {
         desk.say(&format!("relighting {job:?} on {}", gpu.description()));
-        lines += &measured(gpu, &probe, job)?.lines();
+        lines += &measured(gpu, &probe, job, turns(desk))?.lines();
     }
     let clock = if !gpu.takes_time() {
         "This device has no clock that can be read.\n\n"
@@ -69,7 +69,7 @@ pub fn table(desk: &Desk, gpu: &Gpu, jobs: &[Job]) -> Result<String> {
     ))
 }
 
-fn measured(gpu: &Gpu, probe: &CopyProbe, job: Job) -> Result<Row, RelightError> {
+fn measured(gpu: &Gpu, probe: &CopyProbe, job: Job, n_turns: usize) -> Result<Row, RelightError> {
     let recipe = recipe(job);
     let display = DisplayParams::default();
     let mut relighter = GpuRelighter::with_precision(gpu, &recipe.frame(), Precision::ByError)?;
@@ -80,7 +80,7 @@ fn measured(gpu: &Gpu, probe: &CopyProbe, job: Job) -> Result<Row, RelightError>
     let case = Case { n_bytes: 0, clock: None, whole: none, waited_for: none, in_a_row: none };
     let mut row = Row { job, cases: [case; 2], copies: CopyRates { from_outside: 0.0, within: None } };
     let n_in_a_row = IN_A_ROW[usize::from(gpu.is_software())];
-    for turn in 0..TURNS {
+    for turn in 0..n_turns {
         for (what, case) in row.cases.iter_mut().enumerate() {
             // The first of a turn is another kind of change than the one before.
             let drag: Vec<_> = (0..n_in_a_row + 2).map(|i| coefficients(&recipe, turn, i)[what].clone()).collect();

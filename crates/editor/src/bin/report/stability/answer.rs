@@ -3,9 +3,10 @@
 use anyhow::{Context, Result};
 use clerestory_nystrom::rivals::{Method, MethodError, Real};
 use clerestory_nystrom::stress::{Baked, Case, FLOOR, Ours, baked, ours, rival};
+use serde::{Deserialize, Serialize};
 
 /// What a method made of a case.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Serialize, Deserialize)]
 pub enum Answer {
     /// Error over the optimum, and whether it is within twice the optimum and a millionth of the norm.
     Error { ratio: f64, is_within: bool },

@@ -7,6 +7,7 @@ use clerestory_transport::camera::Film;
 use serde::{Deserialize, Serialize};
 
 use crate::desk::{Desk, clerestory, number};
+use crate::fit::{hundredths, spread_words, tenths};
 use crate::goal::Goal;
 
 /// The ratio that is aimed at.
@@ -38,6 +39,12 @@ const SUBJECTS: [Subject; 6] = [
     Subject { scene: "conference-panel", side: 16, tolerance_db: 35.0, spp: ["4", "128"], aim: Aim::Open },
 ];
 
+/// Seeds of the bakes with few samples that tell how far bakes lie apart, those of panels of so many texels along a side; all others have
+/// the first.
+const SEEDS: [&str; 3] = ["0", "1", "2"];
+const REPEATED_SPP: &str = "4";
+const REPEATED_SIDE: u32 = 16;
+
 /// What a bake told.
 #[derive(Serialize, Deserialize)]
 struct Baked {
@@ -62,8 +69,10 @@ pub fn write(desk: &Desk) -> Result<String> {
     for subject in &SUBJECTS {
         let Some(path) = subject.path(desk) else { continue };
         let part = format!("{}-{}", subject.scene, subject.n_cols());
-        all.push((subject, desk.part("target-bakes", &part, || subject.baked(desk, &path, &size))?));
+        let how = (subject.spp(desk), SEEDS[0]);
+        all.push((subject, desk.part("target-bakes", &part, || subject.baked(desk, &path, &size, how))?));
     }
+    let repeats = repeats(desk, &size)?;
     let of_kinds = all.iter().filter(|(subject, _)| matches!(subject.aim, Aim::OfKinds));
     let least = of_kinds.map(|(_, baked)| baked.ratio).fold(f64::INFINITY, f64::min);
     let rows: String = all.iter().map(|(subject, baked)| subject.row(subject.spp(desk), baked, least)).collect();
@@ -72,13 +81,36 @@ pub fn write(desk: &Desk) -> Result<String> {
          Whole bakes of {} pixels from the command line, with the light between surfaces traced and the panel divided into so many\n\
          columns. Blocks stop once they are exact enough, at the latest after the samples that are given: where these do not suffice, the error says so, and the ratio\n\
          is that of what was reached, and its aim is not tested. Errors as the bake tells them, from what two halves of the samples agree about: truncation / sampling / total, and the total of its worst\n\
-         block. Seconds by the clock; each row is one bake, of seed 0. A picture of each light by itself, in 32-bit floats as other renderers write them, is the dense matrix: {:.0} MB for 64 lights. {}\n\n\
+         block. Seconds by the clock; each row is one bake, of seed {}; how far seeds lie apart is told below. A picture of each light by itself, in 32-bit floats as other renderers write them, is the dense matrix: {:.0} MB for 64 lights. {}\n\n\
          | scene | columns | asked for | samples | rank mean / max | MB | dense / file | aimed at | error dB | worst block, dB | s |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|\n{rows}",
+         |---|---|---|---|---|---|---|---|---|---|---|\n{rows}\n\
+         ### Bakes with other seeds\n\n\
+         The same bakes of {} columns with {REPEATED_SPP} samples per pixel at most, median (least…greatest) of the seeds {}. Errors in dB as these bakes tell them: in all, and of the worst block.\n\n\
+         | scene | mean rank | dense / file | error dB | worst block, dB | s |\n\
+         |---|---|---|---|---|---|\n{repeats}",
         size.replace('x', " × "),
+        SEEDS[0],
         64.0 * 12e-6 * f64::from(width) * f64::from(height),
         desk.load_words(),
+        REPEATED_SIDE * REPEATED_SIDE,
+        SEEDS.join(", "),
     ))
+}
+
+/// A table of the bakes with few samples, each a part as well.
+fn repeats(desk: &Desk, size: &str) -> Result<String> {
+    let mut rows = String::new();
+    for subject in SUBJECTS.iter().filter(|subject| subject.side == REPEATED_SIDE) {
+        let Some(path) = subject.path(desk) else { continue };
+        let mut found: Vec<Baked> = Vec::new();
+        for seed in SEEDS {
+            let part = format!("{}-{}, seed {seed}", subject.scene, subject.n_cols());
+            let how = (REPEATED_SPP, seed);
+            found.push(desk.part("target-bakes", &part, || subject.baked(desk, &path, size, how))?);
+        }
+        rows += &subject.repeated(&found);
+    }
+    Ok(rows)
 }
 
 impl Subject {
@@ -100,6 +132,20 @@ impl Subject {
             self.verdict(baked, least),
             baked.worst_block_db,
             baked.secs,
+        )
+    }
+
+    /// A row of the table of repeats.
+    fn repeated(&self, found: &[Baked]) -> String {
+        let all = |value: fn(&Baked) -> f64| -> Vec<f64> { found.iter().map(value).collect() };
+        format!(
+            "| {} | {} | {}× | {} | {} | {} |\n",
+            self.scene,
+            hundredths(all(|baked| baked.mean_rank)),
+            spread_words(all(|baked| baked.ratio)),
+            tenths(all(|baked| baked.error_db[2])),
+            tenths(all(|baked| baked.worst_block_db)),
+            spread_words(all(|baked| baked.secs)),
         )
     }
 
@@ -128,12 +174,12 @@ impl Subject {
         Some(own).filter(|path| path.exists()).or_else(|| desk.shared(&format!("scenes/{}.glb", self.scene)))
     }
 
-    fn baked(&self, desk: &Desk, path: &Path, size: &str) -> Result<Baked> {
+    fn baked(&self, desk: &Desk, path: &Path, size: &str, (spp, seed): (&str, &str)) -> Result<Baked> {
         let Subject { scene, side, tolerance_db, .. } = self;
-        desk.say(&format!("baking {scene} with a panel of {side} × {side} texels"));
+        desk.say(&format!("baking {scene} with a panel of {side} × {side} texels, {spp} samples, seed {seed}"));
         let (path, tolerance) = (path.display().to_string(), tolerance_db.to_string());
         let (transport, panel) = (desk.file("targets.transport"), format!("panel={side}"));
-        let line = ["bake", &path, "-o", &transport, "--fresh", "--size", size, "--spp", self.spp(desk), "--json"];
+        let line = ["bake", &path, "-o", &transport, "--fresh", "--size", size, "--spp", spp, "--seed", seed, "--json"];
         let line: Vec<&str> = line.into_iter().chain(["--tolerance", &tolerance, "--panel", &panel]).collect();
         let told = clerestory(&line)?;
         Ok(Baked {
@@ -169,5 +215,9 @@ mod tests {
         assert_eq!(of_kinds.verdict(&baked(900.0, 39.0), 220.0), "≥ 300×, not tested: short of the dB");
         assert_eq!(many.verdict(&baked(1500.0, 40.0), 220.0), "≥ 1500×, kept");
         assert_eq!(open.verdict(&baked(2.0, 9.0), 2.0), "as small as it gets");
+        let told = of_kinds.repeated(&[baked(250.0, 40.1), baked(260.0, 39.0), baked(240.0, 40.0)]);
+        let words =
+            "| diffuse | 4.00 (4.00…4.00) | 250 (240…260)× | 40.0 (39.0…40.1) | 30.0 (30.0…30.0) | 10 (10…10) |\n";
+        assert_eq!(told, words);
     }
 }
