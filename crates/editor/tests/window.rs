@@ -48,6 +48,32 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
 }
 
 #[test]
+fn what_was_undone_cannot_be_done_again_once_something_else_was_done() {
+    let mut window = baked();
+    let slider = window.get_by_label("lamp intensity").rect();
+    let at = |share: f32| pos2(slider.left() + share * slider.width(), slider.center().y);
+    let can_redo = |window: &Window| !window.get_by_label("Redo").accesskit_node().is_disabled();
+    for other in ["a drag", "a lamp"] {
+        drag(&mut window, at(0.6), at(0.9));
+        click(&mut window, "Undo");
+        assert!(can_redo(&window) && *window.state().look() == Look::default());
+        if other == "a drag" {
+            drag(&mut window, at(0.6), at(0.3));
+        } else {
+            click(&mut window, "Add lamp");
+            click(&mut window, "Point");
+        }
+        let look = window.state().look().clone();
+        assert!(look != Look::default() && !can_redo(&window), "{other}");
+        window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+        window.run_steps(3);
+        assert_eq!(*window.state().look(), look, "{other}");
+        click(&mut window, "Undo");
+        assert_eq!(*window.state().look(), Look::default(), "{other}");
+    }
+}
+
+#[test]
 fn keys_fill_the_screen_and_close_the_window() {
     let mut window = baked();
     let sent = |window: &mut Window, keys: KeyboardShortcut, wanted: ViewportCommand| {
