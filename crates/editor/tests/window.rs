@@ -1119,6 +1119,26 @@ fn what_is_changed_while_a_file_is_opened_is_not_lost_unasked() {
 }
 
 #[test]
+fn a_scene_that_comes_waits_until_the_look_before_it_is_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, look) = (gallery(folder.path()), folder.path().join("room.look"));
+    let mut window = baked();
+    click(&mut window, "Mute lamp");
+    drop_all(&mut window, &[&path]);
+    window.run_steps(2);
+    click(&mut window, "Discard");
+    assert_is_opening(&window);
+    window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
+    window.run_steps(3);
+    window.get_by_label("Path").set_text_value_accesskit(&look.display().to_string());
+    wait(&mut window, |app| app.session().has_arrived() || !app.session().is_opening());
+    assert_is_opening(&window);
+    click(&mut window, "Save");
+    wait(&mut window, |app| name_of_open(app) == Some("gallery.glb"));
+    assert!(std::fs::read_to_string(&look).unwrap().contains("muted"));
+}
+
+#[test]
 fn the_opening_of_a_file_is_stopped_and_what_is_open_stays() {
     let folder = tempfile::tempdir().unwrap();
     let path = gallery(folder.path());

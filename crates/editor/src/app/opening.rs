@@ -3,7 +3,7 @@
 use eframe::egui::Context;
 
 use super::App;
-use crate::action::Action;
+use crate::action::{Action, FileTask};
 use crate::look::Look;
 
 /// What is known of what is being opened.
@@ -40,6 +40,13 @@ impl App {
     pub(super) fn would_lose_changes(&self) -> bool {
         let takes_look = self.session.is_opening() && self.reloading.is_none();
         takes_look && self.is_unsaved() && self.look != self.opening.given_up
+    }
+
+    /// Whether somebody is about to save the look: it is the present one that goes into the file, and none of a scene that comes meanwhile.
+    pub(super) fn is_saving_look(&self) -> bool {
+        let is_asked = self.question.as_ref().is_some_and(|question| question.task() == FileTask::SaveLook);
+        let saves = |action: &Action| matches!(action, Action::SaveLook(_) | Action::SaveLookAgain);
+        is_asked || self.look_files.waits_for_an_answer() || self.actions.iter().any(saves)
     }
 
     /// Asks about what was changed meanwhile, and gives up what waits for a scene that does not come.
