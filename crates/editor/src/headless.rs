@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clerestory_nystrom::rivals::Method;
 use clerestory_transport::bake::{Bake, Passes, SIDE};
 use clerestory_transport::basis::LightBasis;
@@ -10,6 +10,7 @@ use clerestory_transport::camera::Film;
 use clerestory_transport::import::{self, Choice};
 use serde_json::json;
 
+use crate::action::is_look;
 use crate::cli::args::{BakeOptions, ViewArgs};
 use crate::cli::bake::{BakeTimes, baked, job, merge, open_stack, run_with_progress, stack_job};
 use crate::cli::relight::Relighter;
@@ -40,8 +41,14 @@ const SPP: u32 = 12;
 /// Bakes a scene (the built-in one if none is named) and writes its frames. `reason` says why there is no window.
 ///
 /// # Errors
-/// If the scene cannot be loaded or a frame cannot be written.
+/// If the scene cannot be loaded or a frame cannot be written, or a look is named instead of a scene.
 pub fn run(scene: Option<&Path>, reason: &str, console: &mut Console) -> Result<Answer> {
+    if let Some(look) = scene.filter(|path| is_look(path)).map(Path::display) {
+        bail!(
+            "{reason}, and {look} is a look, which lights a scene: name that scene, \
+             `clerestory render SCENE --look {look} -o OUT.png`"
+        );
+    }
     let name = scene.map_or("the built-in gallery".into(), |path| path.display().to_string());
     console.note(&format!("{reason}: baking {name} and writing frames to {FOLDER}/ instead of opening the editor"));
     std::fs::create_dir_all(FOLDER)

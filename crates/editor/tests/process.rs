@@ -188,6 +188,18 @@ fn without_a_display_three_looks_become_frames() {
 }
 
 #[test]
+fn without_a_display_a_look_alone_is_told_which_command_takes_it() {
+    let folder = desk();
+    std::fs::write(folder.path().join("warm.look"), r#"{"clerestory": 1}"#).unwrap();
+    let output = run(folder.path(), "warm.look");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("`clerestory render SCENE --look warm.look -o OUT.png`"), "{said}");
+    assert!(!folder.path().join("frames").exists(), "nothing is begun");
+    succeeds(folder.path(), "render room.gltf --look warm.look -o out.png --size 16x12 --spp 1");
+}
+
+#[test]
 fn without_a_display_frames_that_are_black_are_told() {
     let folder = desk();
     let mut room: serde_json::Value = serde_json::from_str(ROOM).unwrap();
