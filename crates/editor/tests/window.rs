@@ -1067,6 +1067,20 @@ fn a_look_that_is_dropped_with_its_scene_lights_that_scene() {
     assert!(!window.state().look().lights.lights.contains_key("panel"));
 }
 
+#[test]
+fn a_look_whose_scene_cannot_be_opened_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let [scene, look] = ["torn.glb", "dim.look"].map(|name| folder.path().join(name));
+    std::fs::write(&scene, b"glTF, but no more").unwrap();
+    std::fs::write(&look, r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 0.25}}}"#).unwrap();
+    let mut window = baked();
+    drop_all(&mut window, &[&look, &scene]);
+    wait(&mut window, |app| app.session().stage == Stage::Ready);
+    assert!(window.query_all_by_label_contains("torn.glb could not be opened").next().is_some());
+    assert!(window.query_all_by_label_contains("dim.look was not opened").next().is_some());
+    assert_eq!(*window.state().look(), Look::default());
+}
+
 /// The gallery in a file: it takes a while to open.
 fn gallery(folder: &Path) -> PathBuf {
     let path = folder.join("gallery.glb");

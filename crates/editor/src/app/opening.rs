@@ -52,11 +52,23 @@ impl App {
     /// Asks about what was changed meanwhile, and gives up what waits for a scene that does not come.
     pub(super) fn follow_opening(&mut self) {
         if !self.awaits_scene() {
-            self.opening.held.clear();
+            std::mem::take(&mut self.opening.held).into_iter().for_each(|action| self.give_up(&action));
         }
         let is_asked = self.waits_for_an_answer() || self.after_saving.is_some();
         if self.session.has_arrived() && !is_asked && self.would_lose_changes() {
             self.unsaved = Some(Action::TakeOpened);
+        }
+    }
+
+    /// Says of a file that was for a scene that nothing was done with it: nobody may have named that scene now.
+    fn give_up(&mut self, action: &Action) {
+        if let Action::OpenLook(path) | Action::AddLooks(path) | Action::MatchPicture(path) | Action::UseSky(path) =
+            action
+        {
+            let file = path.display();
+            self.say(format!(
+                "{file} was not opened, since the scene that it waited for was not; open it with another one"
+            ));
         }
     }
 
