@@ -370,11 +370,16 @@ pub fn dropped(path: PathBuf) -> Action {
 /// What to do with a file that is opened: looks and skies are taken over, profiles become lamps, everything else is a scene.
 pub fn opened(path: PathBuf) -> Action {
     match () {
-        () if ends_in(&path, &["look"]) => Action::OpenLook(path),
+        () if is_look(&path) => Action::OpenLook(path),
         () if ends_in(&path, SKY_EXTENSIONS) => Action::UseSky(path),
         () if ends_in(&path, PROFILE_EXTENSIONS) => Action::AddProfile(path),
         () => Action::Open(path),
     }
+}
+
+/// Whether a path is that of a look, by its ending.
+pub fn is_look(path: &Path) -> bool {
+    ends_in(path, &["look"])
 }
 
 fn ends_in(path: &Path, endings: &[&str]) -> bool {

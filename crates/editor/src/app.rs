@@ -431,7 +431,7 @@ fn in_brief(mut words: String) -> String {
 impl eframe::App for App {
     fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
         self.pulse.iter_mut().for_each(Pulse::begin);
-        self.session.holds_opened = self.would_lose_changes();
+        self.session.holds_opened = self.would_lose_changes() || self.is_saving_look();
         for notice in self.session.drain() {
             self.notice(ctx, notice);
         }

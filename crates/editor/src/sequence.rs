@@ -176,26 +176,26 @@ impl Sequence {
             if stop() {
                 break;
             }
+            let n_written = written.n_frames;
+            let stopped = || format!("frame {frame} stopped the sequence, with {n_written} saved");
             let look = self.look.at(frame as f32 / self.fps, Some(basis));
             // Where nothing changes there is nothing to light.
             let kept = last.take().filter(|(of, _)| *of == look.lights).map(|(_, picture)| picture);
             let radiance = match kept {
                 Some(radiance) => radiance,
-                None => match stills.picture(&look, Size::Whole, stop)? {
+                None => match stills.picture(&look, Size::Whole, stop).with_context(stopped)? {
                     Some(radiance) => radiance,
                     None => break,
                 },
             };
             let irradiance = match self.options.irradiance || look.shows_irradiance(self.pattern.format) {
-                true => stills.irradiance(&look, Size::Whole, stop)?,
+                true => stills.irradiance(&look, Size::Whole, stop).with_context(stopped)?,
                 false => None,
             };
             if irradiance.is_none() && stop() {
                 break;
             }
             let path = self.pattern.file(frame);
-            let n_written = written.n_frames;
-            let stopped = || format!("frame {frame} stopped the sequence, with {n_written} saved");
             let place = PendingFile::create(&path).with_context(stopped)?;
             let picture = Picture {
                 radiance: &radiance,
@@ -215,8 +215,18 @@ impl Sequence {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::ControlFlow;
+    use std::sync::Arc;
+
+    use clerestory_transport::bake::{BakeConfig, BakeJob, Passes};
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::import;
+    use clerestory_transport::prepared::PreparedScene;
+
     use super::*;
     use crate::look::timeline::{Ease, Key};
+    use crate::stills::Subject;
+    use crate::words::in_words;
 
     #[test]
     fn a_pattern_numbers_its_files() {
@@ -253,6 +263,27 @@ mod tests {
         written.count(8, true);
         assert!(written.warning().unwrap().starts_with("2 of 4 frames, from frame 7 on, are black: "));
         assert_eq!((Written::default().warning(), written.n_frames), (None, 4));
+    }
+
+    #[test]
+    fn a_frame_that_cannot_be_lit_is_named() {
+        let scene = import::load_bytes("room", include_bytes!("../tests/room.gltf")).unwrap().scene;
+        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 16, height: 12 });
+        let config = BakeConfig { spp: 1, tolerance_db: 10.0, ..BakeConfig::default() };
+        let job = BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
+        let mut bake = job.run(|_| ControlFlow::Continue(())).unwrap().unwrap();
+        // There are lights, and no columns of theirs.
+        bake.groups.clear();
+        let basis = bake.header.basis.clone();
+        let mut stills = Stills::new(Arc::new(Subject { bake, view: None }), None);
+        let (folder, mut look) = (tempfile::tempdir().unwrap(), Look::default());
+        look.keep("A");
+        look.timeline.add(Key { secs: 1.0, look: "A".into(), ease: Ease::Smooth });
+        let pattern = Pattern::new(&folder.path().join("f##.exr")).unwrap();
+        let sequence = Sequence::new(look, pattern, Some(3..=4), None).unwrap();
+        let error = sequence.write(&mut stills, &basis, &|| false, &mut |_| {}).unwrap_err();
+        assert!(in_words(&error).starts_with("frame 3 stopped the sequence, with 0 saved: "), "{error:?}");
     }
 
     #[test]

@@ -487,6 +487,22 @@ fn esc_puts_a_lamp_back_into_the_file_that_was_pulled_out_of_it() {
     assert!(lamps(&window).is_empty(), "it left no step");
 }
 
+#[test]
+fn a_lamp_that_is_added_is_not_called_as_one_of_a_look_that_was_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("globes.look");
+    let globe = json!({"key": "Point lamp 1", "type": "point", "position": [0, 0.2, 0], "strength": 40});
+    let kept = json!({"name": "Globes", "lamps": [globe]});
+    let look = json!({"clerestory": 1, "names": {"Point lamp 1": "Globe"}, "looks": [kept]});
+    std::fs::write(&path, look.to_string()).unwrap();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path)));
+    wait(&mut window, |app| app.look().snapshots.len() == 1);
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    assert_eq!(lamps(&window)[0].key, "Point lamp 2");
+}
+
 /// Drags the lamp of the file to the wall on the left.
 fn drag_to_the_wall(window: &mut Window) {
     let (at, wall) = (Vec3::new(0.3, 0.6, -0.2), Vec3::new(-1.0, -0.2, -0.8));

@@ -590,6 +590,18 @@ fn what_is_wished_in_a_look_is_solved_where_nothing_else_is_named() {
     std::fs::write(path("own.json"), r#"{"wishes": [{"times": 2}]}"#).unwrap();
     let own = answer(folder.path(), "solve room.transport --look solved.look --wishes own.json -o own.look");
     assert_eq!(own["wishes"].as_array().unwrap().len(), 1, "{own}");
+    // Lamps of a look take part where the scene is named, which is no place for the answer.
+    let lit =
+        r#"{"clerestory": 1, "lamps": [{"key": "bulb", "type": "point", "position": [0, 0.2, 0], "strength": 40}]}"#;
+    std::fs::write(path("lit.look"), lit).unwrap();
+    let told = answer(folder.path(), "solve room.transport --look lit.look --wishes own.json -o own.look");
+    assert!(told["warnings"].to_string().contains("name the scene with --scene"), "{told}");
+    for command in ["solve room.transport --wishes own.json", "sensors room.transport"] {
+        let output = run(folder.path(), &format!("{command} --scene room.gltf -o room.gltf"));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(said.contains("would overwrite the scene"), "{command}: {said}");
+        assert_eq!(std::fs::read_to_string(path("room.gltf")).unwrap(), ROOM);
+    }
     std::fs::write(path("bare.look"), r#"{"clerestory": 1}"#).unwrap();
     let output = run(folder.path(), "solve room.transport --look bare.look -o bad.look");
     assert!(String::from_utf8_lossy(&output.stderr).contains("a --look with wishes"));

@@ -81,6 +81,22 @@ fn frames_go_from_one_look_to_the_other() {
 }
 
 #[test]
+fn frames_ask_for_no_scene_for_lamps_that_no_key_shows() {
+    let folder = desk();
+    let folder = folder.path();
+    let mut look: serde_json::Value = serde_json::from_str(LOOK).unwrap();
+    let lamp = serde_json::json!({"key": "bulb", "type": "point", "position": [0, 0.2, 0], "strength": 40});
+    look["looks"].as_array_mut().unwrap().push(serde_json::json!({"name": "Party", "lamps": [lamp]}));
+    let frames = ["relight", "room.transport", "--device", "cpu", "--look", "party.look", "--frames", "0..1", "-o"];
+    let frames = |name: &'static str| [&frames[..], &[name]].concat();
+    std::fs::write(folder.join("party.look"), look.to_string()).unwrap();
+    run(folder, &frames("a_#.png"));
+    look["timeline"]["keys"][1]["look"] = "Party".into();
+    std::fs::write(folder.join("party.look"), look.to_string()).unwrap();
+    refused(folder, &frames("b_#.png"), "name the scene that was baked with --scene");
+}
+
+#[test]
 fn frames_do_not_take_the_place_of_what_is_read() {
     let folder = desk();
     let folder = folder.path();

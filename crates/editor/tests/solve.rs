@@ -22,6 +22,7 @@ use serde_json::json;
 
 use desk::{
     Dropped, Kept, Window, baked, click, click_at, drag, on_screen, quick, replace_and_reload, room, save_as, wait,
+    wait_until,
 };
 
 /// The room, baked with the light that arrives.
@@ -496,6 +497,18 @@ fn a_work_plane_on_a_marked_floor_is_baked_and_tells_its_uniformity() {
     let is_point = |line: &str| line.starts_with(&format!("{grid},")) && line.split(',').count() == 5;
     assert!(table.starts_with("grid,x,y,z,lux\n") && table.lines().skip(1).all(is_point), "{table}");
     assert!(table.lines().count() > 4, "{table}");
+    // Of a lamp whose profile is gone nothing is in the table, which is told.
+    let ies = folder.path().join("down.ies");
+    let file = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
+    std::fs::write(&ies, file).unwrap();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(ies.clone())));
+    wait(&mut window, |app| app.look().lights.lamps.len() == 1);
+    std::fs::remove_file(&ies).unwrap();
+    click(&mut window, "Mute panel");
+    let lacks = |window: &Window, words: &str| window.query_all_by_label_contains(words).next().is_some();
+    wait_until(&mut window, |window| lacks(window, "these figures lack it"));
+    save_as(&mut window, "Save values…", &folder.path().join("lacking.csv"));
+    assert!(lacks(&window, "lacking.csv; "));
     click(&mut window, "Work plane");
     assert_eq!(window.state().settings().work_plane, None);
 }

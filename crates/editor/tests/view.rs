@@ -607,6 +607,31 @@ fn who_wants_to_walks_with_the_keys() {
 }
 
 #[test]
+fn a_view_that_is_left_by_a_key_before_it_rests_comes_back_by_undo() {
+    let mut window = baked();
+    let first = shown_camera(&window);
+    reach(&mut window, "Navigation");
+    reach(&mut window, "Walk with W A S D");
+    turn_camera(&mut window);
+    bake_view(&mut window);
+    window.key_press(Key::C);
+    // Two seconds, in which the view that was baked rests.
+    window.run_steps(8);
+    window.key_down(Key::W);
+    window.run_steps(2);
+    window.key_up(Key::W);
+    window.run_steps(1);
+    let walked = window.state().camera().unwrap().clone();
+    assert!(walked.position() != first.position());
+    window.key_press(Key::PageDown);
+    window.run_steps(3);
+    assert_eq!((shown_camera(&window), window.state().camera()), (first.clone(), Some(&first)));
+    click(&mut window, "Undo");
+    assert_eq!(window.state().camera(), Some(&walked));
+    window.get_by_label("View of the camera");
+}
+
+#[test]
 fn focal_length_and_shift_are_those_of_the_lens() {
     let mut window = baked();
     let first = shown_camera(&window);

@@ -48,6 +48,32 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
 }
 
 #[test]
+fn what_was_undone_cannot_be_done_again_once_something_else_was_done() {
+    let mut window = baked();
+    let slider = window.get_by_label("lamp intensity").rect();
+    let at = |share: f32| pos2(slider.left() + share * slider.width(), slider.center().y);
+    let can_redo = |window: &Window| !window.get_by_label("Redo").accesskit_node().is_disabled();
+    for other in ["a drag", "a lamp"] {
+        drag(&mut window, at(0.6), at(0.9));
+        click(&mut window, "Undo");
+        assert!(can_redo(&window) && *window.state().look() == Look::default());
+        if other == "a drag" {
+            drag(&mut window, at(0.6), at(0.3));
+        } else {
+            click(&mut window, "Add lamp");
+            click(&mut window, "Point");
+        }
+        let look = window.state().look().clone();
+        assert!(look != Look::default() && !can_redo(&window), "{other}");
+        window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+        window.run_steps(3);
+        assert_eq!(*window.state().look(), look, "{other}");
+        click(&mut window, "Undo");
+        assert_eq!(*window.state().look(), Look::default(), "{other}");
+    }
+}
+
+#[test]
 fn keys_fill_the_screen_and_close_the_window() {
     let mut window = baked();
     let sent = |window: &mut Window, keys: KeyboardShortcut, wanted: ViewportCommand| {
@@ -1055,6 +1081,20 @@ fn a_look_that_is_dropped_with_its_scene_lights_that_scene() {
     assert!(!window.state().look().lights.lights.contains_key("panel"));
 }
 
+#[test]
+fn a_look_whose_scene_cannot_be_opened_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let [scene, look] = ["torn.glb", "dim.look"].map(|name| folder.path().join(name));
+    std::fs::write(&scene, b"glTF, but no more").unwrap();
+    std::fs::write(&look, r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 0.25}}}"#).unwrap();
+    let mut window = baked();
+    drop_all(&mut window, &[&look, &scene]);
+    wait(&mut window, |app| app.session().stage == Stage::Ready);
+    assert!(window.query_all_by_label_contains("torn.glb could not be opened").next().is_some());
+    assert!(window.query_all_by_label_contains("dim.look was not opened").next().is_some());
+    assert_eq!(*window.state().look(), Look::default());
+}
+
 /// The gallery in a file: it takes a while to open.
 fn gallery(folder: &Path) -> PathBuf {
     let path = folder.join("gallery.glb");
@@ -1104,6 +1144,26 @@ fn what_is_changed_while_a_file_is_opened_is_not_lost_unasked() {
     click(&mut window, "Discard");
     wait(&mut window, |app| name_of_open(app) == Some("gallery.glb"));
     assert!(!window.state().look().lights.lights.contains_key("panel"));
+}
+
+#[test]
+fn a_scene_that_comes_waits_until_the_look_before_it_is_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, look) = (gallery(folder.path()), folder.path().join("room.look"));
+    let mut window = baked();
+    click(&mut window, "Mute lamp");
+    drop_all(&mut window, &[&path]);
+    window.run_steps(2);
+    click(&mut window, "Discard");
+    assert_is_opening(&window);
+    window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
+    window.run_steps(3);
+    window.get_by_label("Path").set_text_value_accesskit(&look.display().to_string());
+    wait(&mut window, |app| app.session().has_arrived() || !app.session().is_opening());
+    assert_is_opening(&window);
+    click(&mut window, "Save");
+    wait(&mut window, |app| name_of_open(app) == Some("gallery.glb"));
+    assert!(std::fs::read_to_string(&look).unwrap().contains("muted"));
 }
 
 #[test]

@@ -164,6 +164,8 @@ impl App {
     }
 
     pub(super) fn show_view(&mut self, id: u64) {
+        // The view of a camera in hand that has not rested yet is a step as well.
+        self.keep_step();
         self.session.show_view(id);
         self.camera.put_down();
         self.adopt_view();

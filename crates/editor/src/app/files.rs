@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use eframe::egui::{Context, ViewportCommand};
 
 use super::App;
-use crate::action::{Action, FileTask};
+use crate::action::{Action, FileTask, is_look};
 use crate::panels::dialogs::FileQuestion;
 use crate::session::Source;
 
@@ -20,6 +20,18 @@ fn unused_name(task: FileTask, folder: &Path, stem: &str, after: &str) -> String
     let plain = format!("{stem}{after}");
     let mut names = std::iter::once(plain.clone()).chain(numbered);
     names.find(|name| !task.replaces(&folder.join(name))).unwrap_or(plain)
+}
+
+/// Puts a file before those of lately. The scene that was open last stays among them, however many looks come after it: a look that is
+/// opened alone goes with it.
+fn put_first(recent: &mut Vec<PathBuf>, path: PathBuf) {
+    recent.retain(|other| *other != path);
+    recent.insert(0, path);
+    let last_scene = recent.iter().position(|path| !is_look(path));
+    if let Some(place) = last_scene.filter(|place| *place >= MAX_RECENT) {
+        recent.swap(place, MAX_RECENT - 1);
+    }
+    recent.truncate(MAX_RECENT);
 }
 
 /// What the window is called: its scene, the file of its look, and a dot before what is not saved.
@@ -92,10 +104,7 @@ impl App {
 
     /// A file is the first of the recent ones.
     pub(super) fn remember(&mut self, path: PathBuf) {
-        let absolute = std::path::absolute(&path).unwrap_or(path);
-        self.recent.retain(|other| *other != absolute);
-        self.recent.insert(0, absolute);
-        self.recent.truncate(MAX_RECENT);
+        put_first(&mut self.recent, std::path::absolute(&path).unwrap_or(path));
     }
 
     pub(super) fn answered(&mut self, answer: Option<Option<PathBuf>>) {
@@ -155,5 +164,17 @@ mod tests {
         assert_eq!(title_of("", look, true), "Clerestory");
         assert_eq!(title_of("hall.glb", None, false), "hall.glb – Clerestory");
         assert_eq!(title_of("hall.glb", look, true), "• hall.glb, evening.look – Clerestory");
+    }
+
+    #[test]
+    fn the_scene_that_was_open_last_stays_among_the_recent_files() {
+        let mut recent = vec![PathBuf::from("older.glb")];
+        put_first(&mut recent, "hall.glb".into());
+        (0..2 * MAX_RECENT).for_each(|nth| put_first(&mut recent, format!("{nth}.look").into()));
+        assert_eq!((recent.len(), recent[0].clone()), (MAX_RECENT, PathBuf::from("23.look")));
+        let scenes: Vec<&PathBuf> = recent.iter().filter(|path| !is_look(path)).collect();
+        assert_eq!(scenes, [&PathBuf::from("hall.glb")]);
+        put_first(&mut recent, "hall.glb".into());
+        assert_eq!((recent.len(), recent[0].clone()), (MAX_RECENT, PathBuf::from("hall.glb")));
     }
 }

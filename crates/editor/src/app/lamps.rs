@@ -193,11 +193,11 @@ impl App {
         self.look.lights.lamps.push(lamp);
     }
 
-    /// A name that no light has.
+    /// A name that no light has, nor a key that stands for another name: lamps of looks that were kept may have such.
     fn free_name(&self, stem: &str) -> String {
         let is_taken = |name: &str| {
             self.look.lights.lamps.iter().any(|lamp| lamp.key == name)
-                || self.look.names.values().any(|other| other == name)
+                || self.look.names.iter().any(|(key, called)| key == name || called == name)
                 || self.session.basis().is_some_and(|basis| basis.source(name).is_some())
         };
         numbered_name(stem, is_taken)

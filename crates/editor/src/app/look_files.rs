@@ -50,8 +50,9 @@ impl LookFiles {
         LookFiles { wake, reading: Aside::default(), on_disk: None, conflict: None, opened: Vec::new() }
     }
 
-    /// Another scene is open, with a look of its own.
+    /// Another scene is open, with a look of its own: one that is still being read was for the scene before.
     pub(super) fn forget(&mut self) {
+        self.reading = Aside::default();
         self.on_disk = None;
         self.opened.clear();
     }
@@ -218,5 +219,22 @@ impl App {
                 self.ask(FileTask::SaveLook);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+
+    #[test]
+    fn a_look_that_is_still_being_read_is_none_of_the_scene_that_is_opened() {
+        let wake: Wake = Arc::new(|_| {});
+        let mut files = LookFiles::new(wake.clone());
+        let read = || ("evening.look".into(), Purpose::Open, Err("nobody waits for it".into()));
+        files.reading.start("read look", &wake, read).unwrap();
+        files.forget();
+        assert!(!files.reading.is_busy() && files.reading.take().is_none());
     }
 }

@@ -3,7 +3,7 @@
 use eframe::egui::Context;
 
 use super::App;
-use crate::action::Action;
+use crate::action::{Action, FileTask};
 use crate::look::Look;
 
 /// What is known of what is being opened.
@@ -42,14 +42,33 @@ impl App {
         takes_look && self.is_unsaved() && self.look != self.opening.given_up
     }
 
+    /// Whether somebody is about to save the look: it is the present one that goes into the file, and none of a scene that comes meanwhile.
+    pub(super) fn is_saving_look(&self) -> bool {
+        let is_asked = self.question.as_ref().is_some_and(|question| question.task() == FileTask::SaveLook);
+        let saves = |action: &Action| matches!(action, Action::SaveLook(_) | Action::SaveLookAgain);
+        is_asked || self.look_files.waits_for_an_answer() || self.actions.iter().any(saves)
+    }
+
     /// Asks about what was changed meanwhile, and gives up what waits for a scene that does not come.
     pub(super) fn follow_opening(&mut self) {
         if !self.awaits_scene() {
-            self.opening.held.clear();
+            std::mem::take(&mut self.opening.held).into_iter().for_each(|action| self.give_up(&action));
         }
         let is_asked = self.waits_for_an_answer() || self.after_saving.is_some();
         if self.session.has_arrived() && !is_asked && self.would_lose_changes() {
             self.unsaved = Some(Action::TakeOpened);
+        }
+    }
+
+    /// Says of a file that was for a scene that nothing was done with it: nobody may have named that scene now.
+    fn give_up(&mut self, action: &Action) {
+        if let Action::OpenLook(path) | Action::AddLooks(path) | Action::MatchPicture(path) | Action::UseSky(path) =
+            action
+        {
+            let file = path.display();
+            self.say(format!(
+                "{file} was not opened, since the scene that it waited for was not; open it with another one"
+            ));
         }
     }
 

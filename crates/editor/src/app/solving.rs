@@ -475,16 +475,19 @@ impl App {
         }
     }
 
-    /// Writes what the points of the sensor grids read, as it was measured last.
+    /// Writes what the points of the sensor grids read, as it was measured last, and says what that lacks.
     pub(super) fn save_values(&mut self, path: &Path) {
-        let points = self.solving.measured.as_ref().map(|(_, figures)| figures.points.clone());
-        let Some(points) = points.filter(|points| !points.is_empty()) else {
+        let figures = self.solving.measured.as_ref().map(|(_, figures)| figures);
+        let figures = figures.map(|figures| (figures.points.clone(), figures.left_out.clone()));
+        let Some((points, left_out)) = figures.filter(|(points, _)| !points.is_empty()) else {
             return self.complain("no sensors were read yet; wait for the bake, or lay a work plane and bake it");
         };
         let grids = points.iter().map(|(name, points)| (name.as_str(), &points[..]));
-        match PendingFile::create(path).and_then(|place| place.commit(|writer| write_points(writer, grids))) {
-            Ok(()) => self.say(format!("Saved {}", path.display())),
-            Err(error) => self.complain(in_words(&error)),
+        let written = PendingFile::create(path).and_then(|place| place.commit(|writer| write_points(writer, grids)));
+        match (written, left_out) {
+            (Ok(()), None) => self.say(format!("Saved {}", path.display())),
+            (Ok(()), Some(words)) => self.complain(format!("Saved {}; {words}", path.display())),
+            (Err(error), _) => self.complain(in_words(&error)),
         }
     }
 

@@ -13,7 +13,7 @@ use super::RECENT_KEY;
 use super::host::run_windows;
 use super::icon::icon;
 use super::recovery;
-use crate::action::{Action, opened};
+use crate::action::is_look;
 use crate::bake_cache::BakeCache;
 use crate::crash;
 use crate::panels::dialogs::FileDialogs;
@@ -44,13 +44,12 @@ impl Start {
 }
 
 /// What is opened first, and the look that it is lit by: one that is opened alone goes with the scene that was open last, where that is
-/// still there.
+/// still there. Its path begins at the root, since other paths are relative to the folder of the scene.
 pub(super) fn with_its_scene(source: Source, recent: &[PathBuf]) -> (Source, Option<PathBuf>) {
-    let is_look = |path: &Path| matches!(opened(path.to_path_buf()), Action::OpenLook(_));
     match source {
         Source::File(path) if is_look(&path) => {
             let last = recent.iter().find(|scene| !is_look(scene) && scene.exists()).cloned();
-            (last.map_or(Source::BuiltIn, Source::File), Some(path))
+            (last.map_or(Source::BuiltIn, Source::File), Some(std::path::absolute(&path).unwrap_or(path)))
         }
         source => (source, None),
     }
@@ -146,5 +145,16 @@ mod tests {
         for other in ["", "{}", "nothing of ours", r#"{"recent": "7"}"#] {
             assert_eq!(recent_in(other.into()), None, "{other}");
         }
+    }
+
+    #[test]
+    fn a_look_that_is_opened_first_is_known_from_the_root() {
+        let source = Source::File("evening.look".into());
+        let recent = ["noon.look", "no such hall.glb"].map(PathBuf::from);
+        let root = std::path::absolute("evening.look").unwrap();
+        assert!(root.is_absolute());
+        assert_eq!(with_its_scene(source, &recent), (Source::BuiltIn, Some(root)));
+        let scene = Source::File("hall.glb".into());
+        assert_eq!(with_its_scene(scene.clone(), &recent), (scene, None));
     }
 }

@@ -160,8 +160,11 @@ impl App {
         }
     }
 
+    /// Keeps what there is as a step; where it is a new one, what was undone before cannot be done again any more.
     pub(super) fn keep_step(&mut self) {
         let Steps { undoer, now, .. } = self.steps();
+        // Only a state that is fed takes those away; its time counts for nothing, since it is kept at once.
+        undoer.feed_state(0.0, now);
         undoer.add_undo(now);
     }
 

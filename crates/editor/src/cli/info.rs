@@ -149,7 +149,7 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
         listed(&sources.iter().map(|source| light_words(source, &basis)).collect::<Vec<_>>()),
         line_of("sensors", &sensors),
         line_of("cast caustics, which moved and added lamps lack", &caustic),
-        line_of("mirror a part of their light, which is missing as well", &mirroring),
+        line_of("mirror a part of the light, which moved and added lamps lack", &mirroring),
         line_of("variants", &report.variants),
         furnace.map_or(String::new(), furnace_words),
         line_of("needless", &spared.map_or(Vec::new(), |spared| skipped_words(&spared, &keys))),

@@ -46,7 +46,8 @@ struct Summary {
 pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answer> {
     let document = load_look(args.look.as_deref(), console)?;
     if let Some(output) = &args.output {
-        spare_inputs(output, [("transport", args.transport.as_path())])?;
+        let scene = args.scene.as_deref().map(|scene| ("scene", scene));
+        spare_inputs(output, [("transport", args.transport.as_path())].into_iter().chain(scene))?;
         spare_look(output, args.look.as_deref(), &document)?;
     }
     let place = args.output.as_deref().map(PendingFile::create).transpose()?;

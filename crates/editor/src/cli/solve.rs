@@ -30,8 +30,12 @@ use crate::words::in_words;
 
 pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let mut look = load_look(args.look.as_deref(), console)?;
-    let inputs =
-        [("transport", Some(&args.transport)), ("wishes", args.wishes.as_ref()), ("picture", args.picture.as_ref())];
+    let inputs = [
+        ("transport", Some(&args.transport)),
+        ("scene", args.scene.as_ref()),
+        ("wishes", args.wishes.as_ref()),
+        ("picture", args.picture.as_ref()),
+    ];
     spare_inputs(&args.output, inputs.into_iter().filter_map(|(what, path)| Some((what, path?.as_path()))))?;
     spare_look(&args.output, None, &look)?;
     let place = PendingFile::create(&args.output)?;
@@ -124,7 +128,12 @@ fn as_typed(mut request: Request, args: &SolveArgs) -> Result<Request> {
 
 /// The light of the look's lamps, where the scene is named.
 fn lamps(args: &SolveArgs, bake: &Bake, look: &Look, console: &mut Console) -> Result<Vec<LampColumn>> {
-    let Some(scene) = args.scene.as_deref() else { return Ok(Vec::new()) };
+    let Some(scene) = args.scene.as_deref() else {
+        if !look.lights.shining_lamps().is_empty() {
+            console.warn("the look has lamps of its own, whose light no wish counts; name the scene with --scene");
+        }
+        return Ok(Vec::new());
+    };
     let quality = (Arriving::of(bake, true), DEFAULT_SAMPLES);
     let lights = LampLight::of(bake, look, (args.look.as_deref(), Some(scene)), quality, console)?;
     let column = |light: LampLight| LampColumn {

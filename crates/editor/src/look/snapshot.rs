@@ -1,5 +1,7 @@
 //! Named snapshots of the look: kept, taken over, renamed, put in order; and which of them is on.
 
+use std::collections::BTreeSet;
+
 use anyhow::{Result, anyhow, bail};
 use clerestory_transport::light::LightRig;
 use serde_json::Value;
@@ -91,7 +93,8 @@ impl Look {
     }
 
     /// Adds the looks of another document behind those that there are, each under a free name; what it has now is one of them, called
-    /// `stem`, unless it was kept. What is lit and what is on stays. Answers how many came; none where a file does not hold them all.
+    /// `stem`, unless it was kept. What is lit, what it is called and what is on stays: lamps of two documents may share a key. Answers how
+    /// many came; none where a file does not hold them all.
     pub fn add_all(&mut self, other: Look, stem: &str) -> Option<usize> {
         let present = Snapshot { name: stem.to_owned(), lights: other.lights, display: other.display };
         let is_kept = |kept: &Snapshot| (&kept.lights, &kept.display) == (&present.lights, &present.display);
@@ -101,11 +104,13 @@ impl Look {
         if !self.has_room(n_added) {
             return None;
         }
+        let own_lamps: BTreeSet<String> =
+            self.rigs().flat_map(|rig| rig.lamps.iter().map(|lamp| lamp.key.clone())).collect();
         for snapshot in added {
             let name = self.free_name(&snapshot.name);
             self.snapshots.push(Snapshot { name, ..snapshot });
         }
-        for (key, name) in other.names {
+        for (key, name) in other.names.into_iter().filter(|(key, _)| !own_lamps.contains(key)) {
             self.names.entry(key).or_insert(name);
         }
         Some(n_added)
@@ -227,7 +232,9 @@ pub(super) fn json(snapshot: &Snapshot, indent: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
     use clerestory_transport::light::LightSetting;
+    use glam::Vec3;
 
     use super::super::timeline::{Ease, Key};
     use super::*;
@@ -299,6 +306,27 @@ mod tests {
         }
         let n = look.snapshots.len();
         assert_eq!((look.add_all(other, "evening"), look.snapshots.len()), (None, n), "all or none");
+    }
+
+    #[test]
+    fn a_lamp_keeps_its_name_where_another_document_calls_one_of_that_key_otherwise() {
+        let lamp = |key: &str| FreeLamp {
+            key: key.into(),
+            shape: LampShape::Point,
+            position: Vec3::ZERO,
+            aim: Vec3::ZERO,
+            strength: 1.0,
+            unit: LampUnit::Lumen,
+            setting: LightSetting::default(),
+            turn_rad: 0.0,
+            replaces: None,
+        };
+        let (mut look, mut other) = (Look::default(), Look::default());
+        look.lights.lamps.push(lamp("Point lamp 1"));
+        other.lights.lamps.extend(["Point lamp 1", "Point lamp 2"].map(lamp));
+        other.names.extend(["1", "2"].map(|nth| (format!("Point lamp {nth}"), format!("Globe {nth}"))));
+        assert_eq!(look.add_all(other, "evening"), Some(1));
+        assert_eq!(["Point lamp 1", "Point lamp 2"].map(|key| look.name_of(key)), ["Point lamp 1", "Globe 2"]);
     }
 
     #[test]

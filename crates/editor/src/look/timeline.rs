@@ -9,6 +9,7 @@ use serde_json::Value;
 use super::Look;
 use super::fade::fade;
 use super::parse::Reader;
+use super::snapshot::Snapshot;
 use super::write::{member, value};
 
 /// Times of keys, seconds; a day is more than anybody waits for.
@@ -132,6 +133,11 @@ impl Timeline {
 }
 
 impl Look {
+    /// The snapshots that the timeline has keys of; others may be kept beside them.
+    pub fn seen_in_time(&self) -> impl Iterator<Item = &Snapshot> {
+        self.snapshots.iter().filter(|snapshot| self.timeline.keys.iter().any(|key| key.look == snapshot.name))
+    }
+
     /// What is lit at a time of the timeline, seconds, without snapshots and timeline; the present look where there are no keys.
     /// `basis` tells the colors that lights have in the file.
     pub fn at(&self, secs: f32, basis: Option<&LightBasis>) -> Look {
