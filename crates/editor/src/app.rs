@@ -471,6 +471,7 @@ impl eframe::App for App {
         let solo_before: BTreeSet<String> = self.lights.solo.clone();
         let (lamp_before, key_before) = (self.lights.lamps.chosen.clone(), self.looks.player.chosen());
         self.messages.follow(ui.ctx());
+        self.lights.follow_picture();
         self.bars_ui(ui);
         if !self.is_bare {
             self.side_panels_ui(ui);

@@ -259,13 +259,19 @@ fn menu_ui(
 ) {
     let at = asked_at(picture, lights);
     let grid = Grid { image: sight.image, size: [sight.film.width, sight.film.height] };
+    // Beside the picture nobody sees what is added.
+    let is_in_picture = at.is_none_or(|at| sight.image.contains(at));
     context_menu(picture, |ui| {
-        let px = at.map(|at| lamps::film_px(sight, at));
-        ui.menu_button("Add lamp here", |ui| add_menu(ui, px, actions));
+        if is_in_picture {
+            let px = at.map(|at| lamps::film_px(sight, at));
+            ui.menu_button("Add lamp here", |ui| add_menu(ui, px, actions));
+        }
         if let Some(at) = at {
             picker.menu_ui(ui, at, look, &mut lights.spot);
         }
-        ui.separator();
+        if is_in_picture {
+            ui.separator();
+        }
         view_menu(ui, at.and_then(|at| grid.pixel(at)), probes, actions);
     });
 }

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 
 use desk::{
     Dropped, Window, ask_for, ask_for_menu, baked, click, drag, on_screen, open, open_with, quick, reach,
-    replace_and_reload, room, wait, wait_until,
+    replace_and_reload, room, type_keys, wait, wait_until,
 };
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
@@ -1000,6 +1000,41 @@ fn all_lamps_that_are_selected_are_aimed_together() {
 }
 
 #[test]
+fn copies_that_are_selected_are_aimed_by_the_key_though_none_of_them_was_clicked() {
+    let mut window = with_two_lamps("Spot", ["Spot lamp 1", "Spot lamp 2"]);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::D);
+    window.run_steps(3);
+    let (before, side) = (lamps(&window), Vec3::new(-1.0, -0.2, -0.8));
+    window.key_press(Key::A);
+    window.run_steps(3);
+    let at = on_screen(&window, side);
+    click_at(&mut window, at, Modifiers::NONE);
+    let after = lamps(&window);
+    assert_eq!(after[..2], before[..2], "they are selected no longer");
+    for lamp in &after[2..] {
+        assert!(lamp.aim.distance(side) < 0.03, "{} at {}", lamp.key, lamp.aim);
+    }
+}
+
+#[test]
+fn esc_that_gives_up_what_is_typed_leaves_a_lamp_to_be_aimed() {
+    let mut window = with_lamp("Spot");
+    window.key_press(Key::A);
+    window.run_steps(3);
+    let strength = lamps(&window)[0].strength;
+    type_keys(&mut window, "Spot lamp 1 strength", "7");
+    let at = on_screen(&window, Vec3::new(-1.0, -0.2, -0.8));
+    for is_aimed in [true, false] {
+        window.key_press(Key::Escape);
+        window.run_steps(4);
+        window.hover_at(at);
+        window.run_steps(3);
+        let hint = window.query_by_label("Click what Spot lamp 1 is to light, Esc to leave it");
+        assert_eq!((hint.is_some(), lamps(&window)[0].strength), (is_aimed, strength));
+    }
+}
+
+#[test]
 fn all_lamps_that_are_selected_are_copied_and_deleted_together() {
     let mut window = with_lamp("Point");
     window.key_press_modifiers(Modifiers::COMMAND, Key::D);
@@ -1015,6 +1050,19 @@ fn all_lamps_that_are_selected_are_copied_and_deleted_together() {
     assert_eq!(names, ["Point lamp 1", "Point lamp 2"], "the copies were selected, and are gone");
     click(&mut window, "Undo");
     assert_eq!(lamps(&window).len(), 4, "in one step");
+}
+
+#[test]
+fn a_lamp_that_is_clicked_while_the_panels_are_hidden_is_selected_alone() {
+    let mut window = with_two_lamps("Point", ["Point lamp 1", "Point lamp 2"]);
+    window.key_press(Key::H);
+    window.run_steps(3);
+    let at = middle(&window, "Point lamp 1 in the picture");
+    click_at(&mut window, at, Modifiers::NONE);
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    let names: Vec<String> = lamps(&window).into_iter().map(|lamp| lamp.key).collect();
+    assert_eq!(names, ["Point lamp 2"], "the other one was selected before");
 }
 
 #[test]

@@ -19,7 +19,8 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
 use desk::{
-    Window, ask_for_menu, baked, click, click_at, drag, on_screen, open, reach, replace_and_reload, room, wait,
+    Window, ask_for_menu, baked, click, click_at, drag, on_screen, open, reach, replace_and_reload, room, type_keys,
+    wait,
 };
 
 /// A place on the back wall that no panel hides.
@@ -102,6 +103,15 @@ fn all_lights_that_reach_a_place_are_listed() {
         .filter(|row| row.accesskit_node().label().is_some_and(|words| words.contains('%')));
     assert_eq!(bulbs.count(), 10);
     assert!(window.query_by_label_contains(" more, ").is_none());
+    // What the keyboard comes to is scrolled into sight.
+    let lowest = |window: &Window| {
+        let rows = window.query_all_by_label_contains(" %").filter(|row| row.accesskit_node().role() == Role::Button);
+        rows.map(|row| row.rect().bottom()).fold(0.0, f32::max)
+    };
+    let before = lowest(&window);
+    window.query_all_by_label_contains(" %").filter(|row| row.rect().bottom() == before).for_each(|row| row.focus());
+    window.run_steps(12);
+    assert!(lowest(&window) < before - 50.0, "{} was {before}", lowest(&window));
 }
 
 #[test]
@@ -196,6 +206,19 @@ fn the_menu_of_the_picture_pins_a_probe_and_shows_each_pixel_or_all_of_them() {
     assert!(pin(&window).distance(middle) < 40.0, "{}", pin(&window));
     from_menu(&mut window, beside, "Show the whole picture");
     assert_eq!(pin(&window), pinned);
+}
+
+#[test]
+fn beside_the_picture_its_menu_offers_no_lamp() {
+    let mut window = baked();
+    let area = window.get_by_label("Picture").rect();
+    for (at, is_offered) in [(area.left_top() + vec2(5.0, 5.0), false), (area.center() + vec2(60.0, 90.0), true)] {
+        ask_for_menu(&mut window, at);
+        window.get_by_label("Show the whole picture");
+        assert_eq!(window.query_by_label_contains("Add lamp here").is_some(), is_offered, "{at}");
+        window.key_press(Key::Escape);
+        window.run_steps(3);
+    }
 }
 
 /// The camera of the picture that is shown.
@@ -397,6 +420,22 @@ fn esc_that_closes_the_list_of_keys_leaves_the_camera_in_hand() {
     assert_eq!(window.state().camera(), Some(&turned));
     window.key_press(Key::Escape);
     window.run_steps(3);
+    window.get_by_label("Picture");
+}
+
+#[test]
+fn esc_that_gives_up_what_is_typed_leaves_the_camera_in_hand() {
+    let mut window = baked();
+    click(&mut window, "Numbers");
+    turn_camera(&mut window);
+    let turned = window.state().camera().unwrap().clone();
+    type_keys(&mut window, "Camera X", "3");
+    window.key_press(Key::Escape);
+    window.run_steps(4);
+    window.get_by_label("View of the camera");
+    assert_eq!(window.state().camera(), Some(&turned));
+    window.key_press(Key::Escape);
+    window.run_steps(4);
     window.get_by_label("Picture");
 }
 

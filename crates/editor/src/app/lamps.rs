@@ -16,7 +16,7 @@ use super::App;
 use crate::action::FileTask;
 use crate::look::lamps::{MAX_LAMPS, fits};
 use crate::look::{groups, numbered_name};
-use crate::panels::lamps::{LampChoice, Pulled, kind_words};
+use crate::panels::lamps::{LampChoice, Pick, Pulled, kind_words};
 use crate::panels::lights::{ADDED, heard};
 use crate::panels::status::LampNote;
 use crate::session::SceneOfBake;
@@ -203,11 +203,6 @@ impl App {
         numbered_name(stem, is_taken)
     }
 
-    fn chosen_lamp(&self) -> Option<usize> {
-        let chosen = self.lights.lamps.chosen.as_deref()?;
-        self.look.lights.lamps.iter().position(|lamp| lamp.key == chosen)
-    }
-
     /// Whether a light is chosen: selected in the list, or the one of the picture that is not among those.
     fn is_in_hand(&self, key: &str) -> bool {
         let chosen = self.lights.lamps.chosen.as_deref().filter(|chosen| !self.lights.is_selected(chosen));
@@ -324,9 +319,21 @@ impl App {
     }
 
     pub(super) fn aim_lamp(&mut self) {
-        let can_aim = self.chosen_lamp().is_some_and(|idx| self.look.lights.lamps[idx].shape.is_aimed());
+        let was_aiming = std::mem::take(&mut self.lights.lamps.aiming);
         // With the camera in hand the same key walks.
-        self.lights.lamps.aiming = can_aim && !self.lights.lamps.aiming && !self.camera.is_moving;
+        if was_aiming || self.camera.is_moving {
+            return;
+        }
+        let aimed = self.look.lights.lamps.iter().filter(|lamp| lamp.shape.is_aimed() && self.is_in_hand(&lamp.key));
+        // The chosen one, else the first of those that are selected, which stay so.
+        let first = aimed.min_by_key(|lamp| !self.lights.lamps.is_chosen(&lamp.key));
+        let Some(key) = first.map(|lamp| lamp.key.clone()) else { return };
+        if !self.lights.lamps.is_chosen(&key) {
+            self.looks.player.let_go();
+            self.lights.lamps.picked = Some((key.clone(), Pick::Another));
+            self.lights.lamps.chosen = Some(key);
+        }
+        self.lights.lamps.aiming = true;
     }
 
     /// Mutes a lamp of the file and puts a free one of the same light in its place, in one step of undo.

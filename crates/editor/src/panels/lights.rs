@@ -153,8 +153,9 @@ impl LightsState {
         (self.chosen_before, self.lamp_before) = (self.chosen.clone(), self.lamps.chosen.clone());
     }
 
-    /// Takes over what was chosen in the picture: a lamp that was clicked, or a light that was asked for.
-    fn follow_picture(&mut self) {
+    /// Takes over what was chosen in the picture: a lamp that was clicked, or a light that was asked for. Every frame, whether the panel is
+    /// seen or not: keys are for what is selected.
+    pub fn follow_picture(&mut self) {
         let picked = self.lamps.picked.take();
         let mut asked = self.chosen.clone().filter(|_| self.chosen != self.chosen_before);
         if self.lamps.chosen != self.lamp_before {
@@ -190,7 +191,6 @@ pub fn lights_ui(
     lamps: &LampChoice,
     actions: &mut Vec<Action>,
 ) {
-    state.follow_picture();
     let lights = listed(basis, look, &mut state.profiles);
     heading_ui(ui, state, lamps, actions);
     layout_ui(ui, state, lights.len());

@@ -35,13 +35,18 @@ pub fn context_menu(response: &Response, add: impl FnOnce(&mut Ui)) {
     }
 }
 
-/// Notes as a frame begins whether a menu, a list or a picker is open, or the list of keys, which Escape closes before others hear of it.
+/// Notes as a frame begins whether a menu, a list or a picker is open, or the list of keys, which Escape closes before others hear of it;
+/// or a text was typed that it gives up, which the toolkit has let go of by then.
 pub fn note_open(ctx: &Context, are_keys_listed: bool) {
-    let is_open = are_keys_listed || Popup::is_any_open(ctx);
-    ctx.data_mut(|data| data.insert_temp(Id::unique("open as the frame began"), is_open));
+    let (is_open, is_typed) = (are_keys_listed || Popup::is_any_open(ctx), ctx.text_edit_focused());
+    ctx.data_mut(|data| {
+        let typed = data.get_temp_mut_or::<bool>(Id::unique("typed as the frame before began"), false);
+        let was_typed = std::mem::replace(typed, is_typed);
+        data.insert_temp(Id::unique("open as the frame began"), is_open || was_typed);
+    });
 }
 
-/// Whether one was open as this frame began.
+/// Whether one was open as this frame began, or a text was typed before it.
 pub fn was_open(ctx: &Context) -> bool {
     ctx.data(|data| data.get_temp(Id::unique("open as the frame began"))).unwrap_or(false)
 }

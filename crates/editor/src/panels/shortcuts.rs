@@ -119,7 +119,7 @@ pub fn hears_keys(ui: &Ui) -> bool {
     !ui.text_edit_focused() && ui.memory(|memory| memory.allows_interaction(ui.layer_id()))
 }
 
-/// Whether Escape was pressed and is for what is drawn there, and for no menu or list that it closes.
+/// Whether Escape was pressed and is for what is drawn there, and for no menu or list that it closes, nor for a text that it gives up.
 pub fn escapes(ui: &Ui) -> bool {
     hears_keys(ui) && !was_open(ui.ctx()) && ui.input(|input| input.key_pressed(Key::Escape))
 }

@@ -14,7 +14,8 @@ use crate::action::Action;
 use crate::look::Look;
 use crate::panels::lamps::{LampState, Pick, lamp_menu, shown_color};
 use crate::panels::lights::{LightsState, letters_menu};
-use crate::panels::menu::{context_menu, was_open};
+use crate::panels::menu::context_menu;
+use crate::panels::shortcuts::escapes;
 use crate::theme;
 
 /// Length of the arrows in points.
@@ -141,8 +142,9 @@ fn cancel(ui: &Ui, lamps: &mut [FreeLamp], state: &mut LampState, actions: &mut 
     if !ui.input(|input| input.key_pressed(Key::Escape)) {
         return;
     }
-    // What the same key closes in front leaves a lamp that is to be aimed in hand; a drag is ended by the toolkit all the same.
-    state.aiming &= was_open(ui.ctx());
+    // What the same key closes in front, or gives up of a text, leaves a lamp that is to be aimed in hand; a drag is ended by the toolkit
+    // all the same.
+    state.aiming &= !escapes(ui);
     if let Some(pulled) = state.pulled.take() {
         state.pulled_at = None;
         actions.push(Action::PutBack(Box::new(pulled)));

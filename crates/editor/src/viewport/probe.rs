@@ -14,6 +14,7 @@ use crate::panels::color::swatch_color;
 use crate::panels::lamps::Pick;
 use crate::panels::lights::LightsState;
 use crate::panels::shortcuts::{escapes, hears_keys};
+use crate::panels::sight::keep_in_sight;
 use crate::session::shares::{Share, sum};
 use crate::theme;
 
@@ -312,6 +313,7 @@ fn breakdown_ui(
                     let of = (look.name_of(&share.key), is_here, reading.unit);
                     share_ui(ui, share, luminance(total), of, lights);
                 }
+                keep_in_sight(ui, "lights here");
             });
             if lit.is_empty() {
                 ui.label(RichText::new("No light reaches this").weak());
