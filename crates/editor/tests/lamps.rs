@@ -283,6 +283,21 @@ fn a_lamp_of_the_file_is_copied_by_key_and_menu_and_stays_as_it_is() {
 }
 
 #[test]
+fn a_light_in_whose_place_a_lamp_shines_is_made_movable_once_and_its_copies_shine() {
+    let mut window = baked();
+    make_movable(&mut window, "lamp");
+    let row = window.get_by_label("Mute lamp").rect();
+    let name = Pos2::new(row.right() + 20.0, row.center().y);
+    click_at(&mut window, name, Modifiers::NONE);
+    ask_for_menu(&mut window, name);
+    assert!(window.get_by_label("Make movable").accesskit_node().is_disabled());
+    click(&mut window, "Duplicate");
+    let [moved, copy] = &lamps(&window)[..] else { panic!("{:?}", lamps(&window)) };
+    assert_eq!((moved.replaces.as_deref(), copy.replaces.as_deref()), (Some("lamp"), None));
+    assert!(!copy.setting.muted, "the light is off only because it was moved");
+}
+
+#[test]
 fn a_light_that_is_reset_does_not_shine_beside_the_lamp_in_its_place() {
     let mut window = baked();
     make_movable(&mut window, "lamp");

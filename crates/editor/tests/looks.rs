@@ -1083,3 +1083,47 @@ fn the_delete_key_is_for_what_was_chosen_last() {
     window.run_steps(3);
     assert_eq!(counts(&window), (2, 1), "a key of the timeline that is not seen stays");
 }
+
+#[test]
+fn a_key_that_is_hidden_with_the_panels_stays() {
+    let mut window = two_keys();
+    let at = window.query_all_by_label_contains("Key 2: Look 2").next().unwrap().rect().center();
+    drag(&mut window, at, at + vec2(6.0, 0.0));
+    for (key, n_left) in [(Key::H, 2), (Key::Delete, 2), (Key::H, 2), (Key::Delete, 1)] {
+        window.key_press(key);
+        window.run_steps(3);
+        assert_eq!(window.state().look().timeline.keys.len(), n_left, "{key:?}");
+    }
+}
+
+#[test]
+fn no_key_is_chosen_that_nobody_touched() {
+    let n_keys = |window: &Window| window.state().look().timeline.keys.len();
+    let delete = |window: &mut Window| {
+        window.key_press(Key::Delete);
+        window.run_steps(3);
+    };
+    let mut window = two_keys();
+    // One between both is added and taken back: the last one has its place again.
+    let track = area_of(&window, "Timeline ruler");
+    drag(&mut window, track.left_top() + vec2(90.0, 8.0), track.left_top() + vec2(60.0, 8.0));
+    click(&mut window, "Add key");
+    click(&mut window, "Look");
+    assert_eq!(n_keys(&window), 3);
+    click(&mut window, "Undo");
+    delete(&mut window);
+    assert_eq!(n_keys(&window), 2);
+
+    // Nor is one of a look that is opened.
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("two.look");
+    save_as(&mut window, "Save look…", &file);
+    window.query_all_by_label_contains("Key 2: Look 2").next().unwrap().click();
+    window.run_steps(3);
+    window.get_by_label("Delete key");
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(file)));
+    window.run_steps(3);
+    wait(&mut window, |app| !app.is_reading_look());
+    delete(&mut window);
+    assert_eq!(n_keys(&window), 2);
+}

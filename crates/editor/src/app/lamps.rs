@@ -288,6 +288,10 @@ impl App {
         if self.looks.player.chosen().is_none() {
             return self.delete_lamps();
         }
+        // What is not seen is not deleted by a key.
+        if self.is_bare {
+            return self.say("The timeline is hidden with the panels; show them to delete its key");
+        }
         self.as_one_step(|app| {
             app.looks.player.delete_key(&mut app.look.timeline);
         });
@@ -383,7 +387,9 @@ impl App {
             Emitter::Punctual(light) if source.key == key => Some((source, light)),
             _ => None,
         });
-        let setting = self.look.lights.lights.get(key).copied().unwrap_or_default();
+        let own = self.look.lights.lights.get(key).copied().unwrap_or_default();
+        // Where another lamp shines in its place, it is off for that alone.
+        let setting = LightSetting { muted: own.muted && !self.look.lights.is_replaced(key), ..own };
         let free = self.free_name(&format!("{name} movable"));
         let lamp = found.map(|(source, light)| FreeLamp::from_source(&free, source, light, setting)).next().flatten();
         if lamp.is_none() {

@@ -113,6 +113,9 @@ impl App {
         }
         look.scene = std::mem::take(&mut look.scene).or(&self.look.scene);
         self.daylight.stop();
+        // A moment of the timeline, and a key that is chosen there, are of the look before.
+        self.looks.player.stop();
+        self.looks.player.let_go();
         let before = self.standing();
         self.as_one_step(|app| app.look = look.clone());
         warnings.extend(self.heed_choice());

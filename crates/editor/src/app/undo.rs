@@ -113,6 +113,10 @@ impl App {
             let before = std::mem::replace(&mut self.look, step.look);
             self.show_lights_again(&before);
             self.looks.follow_names(&before, &self.look);
+            // Which key stands where is another matter where one came or went.
+            if self.look.timeline.keys.len() != before.timeline.keys.len() {
+                self.looks.player.let_go();
+            }
             self.follow_bookmarks(&before);
             self.follow_file_of_look(before);
             self.prepare_chosen();

@@ -115,11 +115,25 @@ pub fn add_menu(ui: &mut Ui, at_px: Option<[f32; 2]>, actions: &mut Vec<Action>)
     }
 }
 
-/// The entries of a menu that make a free lamp of one of the file, in its place or beside it; none of a measured lamp, whose distribution lies in the file.
-pub fn make_movable_ui(ui: &mut Ui, key: &str, is_measured: bool, actions: &mut Vec<Action>) {
-    let button = ui.add_enabled(!is_measured, Button::new("Make movable"));
+/// Why no free lamp can take the place of one of the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unmovable {
+    /// Its distribution lies in the file.
+    Measured,
+    /// One shines there already.
+    Replaced,
+}
+
+/// The entries of a menu that make a free lamp of one of the file, in its place or beside it.
+pub fn make_movable_ui(ui: &mut Ui, key: &str, unmovable: Option<Unmovable>, actions: &mut Vec<Action>) {
+    let button = ui.add_enabled(unmovable.is_none(), Button::new("Make movable"));
     let button = button.on_hover_text("Mutes it, and puts a free lamp of the same light in its place");
-    let why = "Its measured distribution lies in the file of the scene: mute it, and add one with “IES or LDT…”";
+    let is_measured = unmovable == Some(Unmovable::Measured);
+    let why = if is_measured {
+        "Its measured distribution lies in the file of the scene: mute it, and add one with “IES or LDT…”"
+    } else {
+        "A movable lamp shines in its place already"
+    };
     if button.on_disabled_hover_text(why).clicked() {
         actions.push(Action::MakeMovable(key.to_owned()));
         ui.close();

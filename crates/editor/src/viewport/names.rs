@@ -18,7 +18,7 @@ use super::lamps::{hint, tell};
 use super::probe::choose;
 use crate::action::Action;
 use crate::look::Look;
-use crate::panels::lamps::{Pick, make_movable_ui};
+use crate::panels::lamps::{Pick, Unmovable, make_movable_ui};
 use crate::panels::lights::{LightsState, letters_menu};
 use crate::panels::menu::context_menu;
 use crate::theme;
@@ -130,7 +130,7 @@ fn mark_menu(
     actions: &mut Vec<Action>,
 ) {
     letters_menu(ui, key, &mut look.lights, &mut lights.solo);
-    make_movable_ui(ui, key, is_measured, actions);
+    make_movable_ui(ui, key, is_measured.then_some(Unmovable::Measured), actions);
 }
 
 fn ring(painter: &Painter, at: Pos2, color: Color32) {

@@ -16,7 +16,7 @@ use super::scale::{Measure, Scale, Shown, number_ui};
 use super::solo;
 use crate::action::Action;
 use crate::panels::color::{Tint, tint_ui};
-use crate::panels::lamps::{details_ui, lamp_menu, make_movable_ui};
+use crate::panels::lamps::{Unmovable, details_ui, lamp_menu, make_movable_ui};
 use crate::panels::menu::context_menu;
 use crate::panels::spots::spots_ui;
 use crate::theme;
@@ -243,7 +243,9 @@ pub(super) fn menu_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
         LightOf::Scene(source) => {
             let is_punctual = matches!(source.kind, SourceKind::Point | SourceKind::Spot | SourceKind::Directional);
             if is_punctual {
-                make_movable_ui(ui, key, source.origin.profile.is_some(), mix.actions);
+                let measured = source.origin.profile.is_some().then_some(Unmovable::Measured);
+                let unmovable = measured.or(is_replaced.then_some(Unmovable::Replaced));
+                make_movable_ui(ui, key, unmovable, mix.actions);
             }
             match source.kind {
                 SourceKind::Emitter => {
