@@ -661,6 +661,30 @@ fn the_second_button_moves_no_key_of_the_timeline() {
 }
 
 #[test]
+fn esc_puts_back_a_key_of_the_timeline_or_a_look_that_is_dragged() {
+    let mut window = two_keys();
+    let before = window.state().look().clone();
+    let key = window.query_all_by_label_contains("Key 2: Look 2 at").next().unwrap().rect().center();
+    let [second, first] = ["Look Look 2", "Look Look"].map(|card| area_of(&window, card));
+    for (from, to, is_key) in [(key, key - vec2(200.0, 0.0), true), (second.center(), first.left_center(), false)] {
+        window.hover_at(from);
+        window.run_steps(2);
+        window.drag_at(from);
+        window.run_steps(2);
+        for step in 1..=5 {
+            window.hover_at(from + (to - from) * (step as f32 / 5.0));
+            window.run_steps(2);
+        }
+        assert_eq!(*window.state().look() != before, is_key, "a look goes where it is dropped");
+        window.key_press(Key::Escape);
+        window.run_steps(2);
+        window.drop_at(to);
+        window.run_steps(3);
+        assert_eq!(*window.state().look(), before, "{is_key}");
+    }
+}
+
+#[test]
 fn a_double_click_shows_the_whole_picture_where_no_light_can_be_dragged() {
     let mut window = two_keys();
     wait(&mut window, |app| app.is_settled());

@@ -532,6 +532,22 @@ fn spots_are_added_and_deleted_by_the_menu_of_the_picture() {
 }
 
 #[test]
+fn the_spot_that_is_chosen_stays_so_while_another_one_is_deleted() {
+    let mut window = baked();
+    let places = [(-0.2, -0.7), (0.2, -0.3), (0.2, -0.7)].map(|(x, z)| on_screen(&window, Vec3::new(x, 0.4, z)));
+    for at in places {
+        ask_for_menu(&mut window, at);
+        click(&mut window, "Add a spot here");
+    }
+    window.get_by_label("Spot 3 of 3");
+    drag(&mut window, places[1], places[1] + vec2(10.0, 0.0));
+    window.get_by_label("Spot 2 of 3");
+    ask_for_menu(&mut window, places[0]);
+    click(&mut window, "Delete this spot");
+    window.get_by_label("Spot 1 of 2");
+}
+
+#[test]
 fn a_spot_that_something_hides_has_no_handle() {
     let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
     let nodes = gltf["nodes"].as_array_mut().unwrap();

@@ -223,8 +223,11 @@ fn add_preset(look: &mut Look, preset: Preset, basis: &LightBasis) {
     look.take(look.snapshots.len() - 1);
 }
 
-/// A card that was dragged goes where it was dropped.
+/// A card that was dragged goes where it was dropped; Esc leaves it where it was.
 fn drop_ui(ui: &Ui, look: &mut Look, state: &mut LooksState, centers: &[f32]) {
+    if ui.input(|input| input.key_pressed(egui::Key::Escape)) {
+        state.dragged = None;
+    }
     let Some(from) = state.dragged else { return };
     let Some(pointer) = ui.input(|input| input.pointer.latest_pos()) else { return };
     let others = centers.iter().enumerate().filter(|(idx, center)| *idx != from && **center < pointer.x);

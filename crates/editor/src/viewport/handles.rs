@@ -205,6 +205,11 @@ impl PanelPicker<'_> {
             && ui.button("Delete this spot").clicked()
         {
             self.own_spots(key, look).remove(idx);
+            // Another one that is chosen stays so, wherever it stands now.
+            *chosen = chosen.take().filter(|(panel, nth)| panel != key || *nth != idx);
+            if let Some((_, nth)) = chosen.as_mut().filter(|(panel, nth)| panel == key && *nth > idx) {
+                *nth -= 1;
+            }
             ui.close();
         }
         if self.hit(at).is_some() && ui.button("Add a spot here").clicked() {

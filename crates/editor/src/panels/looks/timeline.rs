@@ -42,7 +42,16 @@ pub struct Player {
     /// Key that was touched last.
     chosen: Option<usize>,
     /// Key that is being dragged.
-    dragged: Option<usize>,
+    dragged: Option<HeldKey>,
+}
+
+/// A key that is dragged.
+#[derive(Clone, Debug, PartialEq)]
+struct HeldKey {
+    /// Where it stands now.
+    idx: usize,
+    /// Where it stood, among which keys.
+    before: (usize, Vec<Key>),
 }
 
 impl Player {
@@ -80,7 +89,7 @@ impl Player {
 
     /// Chooses no key.
     pub fn let_go(&mut self) {
-        self.chosen = None;
+        (self.chosen, self.dragged) = (None, None);
     }
 
     /// Takes the chosen key away, where one is chosen.
@@ -88,6 +97,7 @@ impl Player {
         if let Some(idx) = self.chosen.take().filter(|idx| *idx < timeline.keys.len()) {
             timeline.keys.remove(idx);
         }
+        self.dragged = None;
     }
 
     fn play(&mut self, timeline: &Timeline) {
@@ -290,8 +300,15 @@ fn track_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
     }
 }
 
-/// A press on a key drags it; elsewhere the playhead comes to the pointer.
+/// A press on a key drags it, Esc puts it back; elsewhere the playhead comes to the pointer.
 fn drag_ui(ui: &Ui, response: &Response, ruler: &Ruler, look: &mut Look, player: &mut Player) {
+    // The toolkit ends the drag by the same key.
+    if ui.input(|input| input.key_pressed(egui::Key::Escape))
+        && let Some(HeldKey { before: (idx, keys), .. }) = player.dragged.take()
+    {
+        (look.timeline.keys, player.chosen) = (keys, Some(idx));
+        return;
+    }
     let Some(pointer) = response.interact_pointer_pos() else { return };
     if response.drag_started_by(PointerButton::Primary) || response.clicked() {
         response.request_focus();
@@ -299,16 +316,17 @@ fn drag_ui(ui: &Ui, response: &Response, ruler: &Ruler, look: &mut Look, player:
     if response.drag_started_by(PointerButton::Primary) {
         let press = ui.input(|input| input.pointer.press_origin()).unwrap_or(pointer);
         let distance = |key: &Key| (pos2(ruler.x(key.secs), ruler.rect.top() + LINE) - press).length();
-        player.dragged = look.timeline.keys.iter().position(|key| distance(key) < 1.5 * REACH);
-        player.chosen = player.dragged.or(player.chosen);
+        let held = look.timeline.keys.iter().position(|key| distance(key) < 1.5 * REACH);
+        player.dragged = held.map(|idx| HeldKey { idx, before: (idx, look.timeline.keys.clone()) });
+        player.chosen = held.or(player.chosen);
     }
     let is_dragged = response.dragged_by(PointerButton::Primary);
     let secs = ruler.secs_at(pointer.x);
     let on_frame = (secs * look.timeline.fps).round() / look.timeline.fps;
-    match player.dragged {
-        Some(idx) if is_dragged => {
-            player.dragged = Some(look.timeline.move_to(idx, on_frame));
-            player.chosen = player.dragged;
+    match &mut player.dragged {
+        Some(held) if is_dragged => {
+            held.idx = look.timeline.move_to(held.idx, on_frame);
+            player.chosen = Some(held.idx);
         }
         None if (is_dragged || response.clicked()) && !look.timeline.keys.is_empty() => {
             (player.playhead, player.playing) = (Some(on_frame), false);
