@@ -21,8 +21,8 @@ use glam::Vec3;
 use serde_json::json;
 
 use desk::{
-    Dropped, Kept, Window, baked, click, click_at, drag, on_screen, quick, replace_and_reload, room, save_as, wait,
-    wait_until,
+    Dropped, Kept, Window, baked, click, click_at, drag, on_screen, quick, reach, replace_and_reload, room, save_as,
+    wait, wait_until,
 };
 
 /// The room, baked with the light that arrives.
@@ -276,6 +276,25 @@ fn solving_that_waits_is_given_up_where_other_lights_are_shown() {
     click(&mut window, "Clear solo");
     wait(&mut window, App::is_settled);
     assert!(window.state().solution().is_none(), "nobody asked again");
+}
+
+#[test]
+fn why_nothing_was_found_is_said_until_something_else_is_wished_for() {
+    const WHY: &str = "no light may change; choose one that is not muted";
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    mark(&mut window);
+    wish_times(&mut window, 2.0);
+    window.get_by_label_contains("Lights to change").click();
+    window.run_steps(8);
+    for light in ["lamp may change", "panel may change"] {
+        reach(&mut window, light);
+    }
+    reach(&mut window, "Solve");
+    wait(&mut window, |app| !app.is_solving());
+    window.get_by_label(WHY);
+    reach(&mut window, "lamp may change");
+    assert!(window.query_by_label(WHY).is_none());
 }
 
 #[test]

@@ -222,6 +222,10 @@ impl App {
             self.solving.state.solution = None;
             self.say("The lights have changed since; solve again");
         }
+        // What was wrong with other wishes may not be so with these.
+        if self.solving.state.problem.is_some() && self.look.wishes != self.solving.solved_for {
+            self.solving.state.problem = None;
+        }
     }
 
     fn take_seen(&mut self, view: Option<&View>) {
@@ -338,7 +342,7 @@ impl App {
     fn begin_solving(&mut self) {
         if self.solving.is_due && (!self.lights.solo.is_empty() || self.looks.player.playhead.is_some()) {
             // What is shown now has other lamps, for as long as somebody likes.
-            self.solving.is_due = false;
+            (self.solving.is_due, self.solving.solved_for) = (false, self.look.wishes.clone());
             self.solving.state.problem = Some("other lights were shown meanwhile; solve again".into());
         }
         if !self.solving.is_due || !self.follower.knows_lamps(&self.look.lights) {
