@@ -271,6 +271,8 @@ fn solving_that_waits_is_given_up_where_other_lights_are_shown() {
     if window.query_by_label("Waiting for the light of the lamps").is_none() {
         return println!("skipped: the light of the lamp was there too soon");
     }
+    let words = window.get_by_label("Waiting for the light of the lamps").rect();
+    assert!(words.right() < 1435.5, "{words} is cut off at 1435");
     window.run_steps(3);
     window.get_by_label_contains("other lights were shown meanwhile; solve again");
     click(&mut window, "Clear solo");

@@ -373,6 +373,19 @@ fn a_solo_says_so_while_the_camera_is_in_hand_too() {
 }
 
 #[test]
+fn with_large_letters_the_view_in_hand_can_be_baked_and_left() {
+    let mut window = baked();
+    window.set_size(vec2(1440.0, 900.0) / 2.0);
+    window.run_steps(4);
+    turn_camera(&mut window);
+    let view = window.get_by_label("View of the camera").rect();
+    for label in ["Bake this view", "Back"] {
+        let button = window.get_by_label(label).rect();
+        assert!(view.contains_rect(button), "{label} at {button} of {view}");
+    }
+}
+
+#[test]
 fn esc_that_closes_a_question_leaves_the_camera_in_hand() {
     let mut window = baked();
     click(&mut window, "Mute panel");

@@ -532,6 +532,23 @@ fn spots_are_added_and_deleted_by_the_menu_of_the_picture() {
 }
 
 #[test]
+fn with_large_letters_a_hint_about_a_long_name_is_read_to_its_end() {
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let panel = gltf["nodes"].as_array_mut().unwrap().iter_mut().find(|node| node["name"] == "panel").unwrap();
+    panel["name"] = "Luminous ceiling above the counter of the bar in the foyer".into();
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    window.set_size(vec2(1440.0, 900.0) / 2.0);
+    window.run_steps(4);
+    let at = on_screen(&window, Vec3::new(-0.2, 0.4, -0.7));
+    window.hover_at(at);
+    window.run_steps(3);
+    let hint = window.get_by_label_contains("drag to place a spot of light").rect();
+    let picture = window.get_by_label("Picture").rect();
+    assert!(picture.contains_rect(hint), "{hint} in {picture}");
+}
+
+#[test]
 fn the_spot_that_is_chosen_stays_so_while_another_one_is_deleted() {
     let mut window = baked();
     let places = [(-0.2, -0.7), (0.2, -0.3), (0.2, -0.7)].map(|(x, z)| on_screen(&window, Vec3::new(x, 0.4, z)));

@@ -404,7 +404,8 @@ fn limits_ui(ui: &mut Ui, wishes: &mut Wishes, view: &SolveView) {
 
 fn run_ui(ui: &mut Ui, wishes: &Wishes, view: &SolveView, actions: &mut Vec<Action>) {
     let can_solve = wishes.list.iter().any(|wish| view.here.misfit(wish).is_none());
-    ui.horizontal(|ui| {
+    // What it waits for may be longer than the panel is wide.
+    ui.horizontal_wrapped(|ui| {
         let solve = Button::new(RichText::new("Solve").color(theme::ON_ACCENT)).fill(theme::ACCENT);
         let solve = ui.add_enabled(can_solve && view.busy.is_none() && !view.is_soloed, solve);
         let solve = solve.on_hover_text("Looks for the lights that come closest");

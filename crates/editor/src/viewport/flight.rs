@@ -20,6 +20,9 @@ const WALK_PER_SEC: f32 = 0.12;
 const POINTS_PER_LINE: f32 = 40.0;
 /// How much faster with Shift.
 const RUN: f32 = 3.0;
+/// Width of the buttons beside what is said and of what is around all of it, and least width of the words, points.
+const BESIDE_WORDS: f32 = 230.0;
+const LEAST_WORDS: f32 = 60.0;
 /// Keys that walk, and where to: right, up, ahead.
 const KEYS: [(Key, [f32; 3]); 6] = [
     (Key::D, [1.0, 0.0, 0.0]),
@@ -149,10 +152,15 @@ fn banner_ui(ui: &mut Ui, area: Rect, view: &FlightView, actions: &mut Vec<Actio
     };
     let place = Rect::from_center_size(area.center_top() + vec2(0.0, 30.0), vec2(area.width().min(640.0), 40.0));
     let builder = egui::UiBuilder::new().max_rect(place).layout(egui::Layout::top_down(egui::Align::Center));
+    // In a narrow picture the buttons stay in sight.
+    let most = (area.width() - BESIDE_WORDS).max(LEAST_WORDS);
     ui.scope_builder(builder, |ui| {
         egui::Frame::window(ui.style()).inner_margin(egui::Margin::symmetric(12, 6)).show(ui, |ui| {
             ui.horizontal(|ui| {
-                ui.label(RichText::new(words).strong());
+                ui.scope(|ui| {
+                    ui.set_max_width(most);
+                    ui.add(egui::Label::new(RichText::new(words).strong()).truncate());
+                });
                 if !view.is_baked {
                     let bake = Button::new(RichText::new("Bake this view").color(theme::ON_ACCENT)).fill(theme::ACCENT);
                     if ui.add(bake).on_hover_text("Looks and lights stay as they are").clicked() {

@@ -26,6 +26,9 @@ const PLANE_AT: f32 = 0.38;
 const REACH: f32 = 8.0;
 /// Arrows whose tips are nearer to the lamp than this point at the eye and are left out, points.
 const FORESHORTENED: f32 = 20.0;
+/// What is beside the words of a hint, and their least width, points.
+const BESIDE_HINT: f32 = 26.0;
+const LEAST_HINT: f32 = 160.0;
 /// Colors of the axes.
 const AXIS_COLORS: [Color32; 3] =
     [Color32::from_rgb(226, 92, 84), Color32::from_rgb(118, 186, 92), Color32::from_rgb(88, 146, 232)];
@@ -386,10 +389,11 @@ fn paint_shape(painter: &Painter, sight: &Sight, lamp: &FreeLamp) {
     }
 }
 
-/// A line of words at the lower left.
+/// A line of words at the lower left; more of them where the area is narrow.
 pub(super) fn hint(ui: &Ui, area: Rect, words: &str) {
     let painter = ui.painter();
-    let galley = painter.layout_no_wrap(words.to_owned(), FontId::proportional(12.5), Color32::from_gray(230));
+    let (font, most) = (FontId::proportional(12.5), (area.width() - BESIDE_HINT).max(LEAST_HINT));
+    let galley = painter.layout(words.to_owned(), font, Color32::from_gray(230), most);
     let place = Align2::LEFT_BOTTOM.anchor_size(area.left_bottom() + vec2(12.0, -10.0), galley.size());
     painter.rect_filled(place.expand2(vec2(7.0, 4.0)), 4.0, Color32::from_black_alpha(170));
     painter.galley(place.min, galley, Color32::WHITE);

@@ -183,9 +183,17 @@ pub fn selected_ui(
 /// A name beside a place, on a dark ground.
 fn name_tag(painter: &Painter, at: Pos2, name: &str) {
     let galley = painter.layout_no_wrap(name.to_owned(), FontId::proportional(11.5), Color32::from_gray(230));
-    let place = Align2::LEFT_CENTER.anchor_size(at + vec2(REACH + 6.0, 0.0), galley.size());
+    let place = beside(at, galley.size(), painter.clip_rect());
     painter.rect_filled(place.expand2(vec2(4.0, 2.0)), 3.0, Color32::from_black_alpha(150));
     painter.galley(place.min, galley, Color32::WHITE);
+}
+
+/// Where words of a size stand beside a place: to the right, unless they are cut there and would not be to the left.
+fn beside(at: Pos2, size: Vec2, seen: Rect) -> Rect {
+    let away = vec2(REACH + 6.0, 0.0);
+    let [right, left] = [(Align2::LEFT_CENTER, away), (Align2::RIGHT_CENTER, -away)]
+        .map(|(anchor, away)| anchor.anchor_size(at + away, size));
+    if right.right() > seen.right() && left.left() >= seen.left() { left } else { right }
 }
 
 /// Says the name of the shining surface under the pointer. Panels say more, elsewhere.
@@ -224,7 +232,18 @@ fn is_seen(sight: &Sight, point: Vec3) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use eframe::egui::pos2;
+
     use super::*;
+
+    #[test]
+    fn a_name_stands_where_all_of_it_is_seen() {
+        let seen = Rect::from_min_max(pos2(0.0, 0.0), pos2(300.0, 200.0));
+        let place = |x: f32, width: f32| beside(pos2(x, 100.0), vec2(width, 14.0), seen);
+        assert!(place(150.0, 80.0).left() > 150.0 && seen.contains_rect(place(150.0, 80.0)));
+        assert!(place(290.0, 80.0).right() < 290.0 && seen.contains_rect(place(290.0, 80.0)));
+        assert!(place(150.0, 250.0).left() > 150.0, "its beginning, where there is no room for all of it");
+    }
 
     #[test]
     fn a_frame_sends_no_more_rays_than_it_may_and_what_is_selected_comes_first() {
