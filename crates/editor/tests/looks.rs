@@ -661,6 +661,21 @@ fn the_second_button_moves_no_key_of_the_timeline() {
 }
 
 #[test]
+fn the_looks_for_a_key_are_scrolled_to_what_the_keyboard_comes_to() {
+    let mut window = baked();
+    for _ in 0..20 {
+        click(&mut window, "Keep look");
+    }
+    click(&mut window, "Timeline");
+    click(&mut window, "Add key");
+    let bottom = |window: &Window| area_of(window, "Look 20").bottom();
+    let before = bottom(&window);
+    window.get_by_label("Look 20").focus();
+    window.run_steps(12);
+    assert!(bottom(&window) < before - 50.0, "{} was {before}", bottom(&window));
+}
+
+#[test]
 fn esc_puts_back_a_key_of_the_timeline_or_a_look_that_is_dragged() {
     let mut window = two_keys();
     let before = window.state().look().clone();

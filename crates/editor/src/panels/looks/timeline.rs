@@ -11,6 +11,7 @@ use crate::look::Look;
 use crate::look::timeline::{Ease, FPS, Key, SECS, Timeline};
 use crate::panels::arrows::arrows;
 use crate::panels::number::Number;
+use crate::panels::sight::keep_in_sight;
 use crate::theme;
 
 /// Height of ruler and keys, points.
@@ -180,6 +181,7 @@ fn add_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
                     ui.close();
                 }
             }
+            keep_in_sight(ui, "looks for a key");
         });
     })
     .response
