@@ -1015,6 +1015,21 @@ fn all_lamps_that_are_selected_are_aimed_together() {
 }
 
 #[test]
+fn the_menu_of_a_selected_lamp_in_the_picture_leaves_the_others_selected() {
+    let mut window = with_two_lamps("Point", ["Point lamp 1", "Point lamp 2"]);
+    let at = middle(&window, "Point lamp 1 in the picture");
+    ask_for_menu(&mut window, at);
+    assert_eq!(window.query_all_by_label_contains("2 lights selected").count(), 1);
+    // The numbers of the chosen lamp have a button of this name, too.
+    let picture = window.get_by_label("Picture").rect();
+    window.get_all_by_label("Delete").find(|item| picture.contains(item.rect().center())).unwrap().click();
+    window.run_steps(3);
+    assert!(lamps(&window).is_empty(), "as by the menu of its name");
+    click(&mut window, "Undo");
+    assert_eq!(lamps(&window).len(), 2, "one step");
+}
+
+#[test]
 fn copies_that_are_selected_are_aimed_by_the_key_though_none_of_them_was_clicked() {
     let mut window = with_two_lamps("Spot", ["Spot lamp 1", "Spot lamp 2"]);
     window.key_press_modifiers(Modifiers::COMMAND, Key::D);

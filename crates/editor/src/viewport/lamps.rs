@@ -236,6 +236,10 @@ fn body_ui(
     if response.clicked() {
         state.picked = Some((lamp.key.clone(), Pick::of(ui.input(|input| input.modifiers))));
     }
+    if response.secondary_clicked() && is_selected {
+        // Its menu is for what is selected with it, which stays so.
+        state.picked = Some((lamp.key.clone(), Pick::Another));
+    }
     if response.clicked() || is_held || response.secondary_clicked() {
         state.chosen = Some(lamp.key.clone());
     }
