@@ -2,7 +2,8 @@
 
 use std::io::{BufRead, Cursor, Seek, SeekFrom};
 
-use image::{DynamicImage, ImageReader, Limits};
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 
 use super::MAX_PIXELS;
 use crate::camera::Film;
@@ -54,7 +55,9 @@ pub(super) fn size(mut file: impl BufRead + Seek, n_bytes: u64) -> Result<[u32; 
         Kind::Radiance => radiance::size(file),
         Kind::Encoded => {
             let reader = ImageReader::new(file).with_guessed_format().map_err(|e| of_file(&e))?;
-            Ok(reader.into_dimensions().map_err(of_image)?.into())
+            let mut decoder = reader.into_decoder().map_err(of_image)?;
+            let ((width, height), held) = (decoder.dimensions(), decoder.orientation().map_err(of_image)?);
+            Ok(if is_on_its_side(held) { [height, width] } else { [width, height] })
         }
     })?;
     check_size(size, n_bytes)?;
@@ -83,6 +86,12 @@ pub fn decode_picture(bytes: &[u8]) -> Result<Picture, String> {
     })
 }
 
+/// Whether a picture is as wide as its file is high: its camera was held so.
+fn is_on_its_side(held: Orientation) -> bool {
+    use Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
+    matches!(held, Rotate90 | Rotate90FlipH | Rotate270 | Rotate270FlipH)
+}
+
 /// Within what a stack may hold, and what so many bytes may.
 fn check_size([width, height]: [u32; 2], n_bytes: u64) -> Result<(), String> {
     #[expect(clippy::arithmetic_side_effects, reason = "a product of two 32-bit numbers")]
@@ -97,13 +106,18 @@ fn check_size([width, height]: [u32; 2], n_bytes: u64) -> Result<(), String> {
     }
 }
 
-/// PNG and JPEG of 8 or 16 bits; what is transparent keeps its color.
+/// PNG and JPEG of 8 or 16 bits, upright however the camera was held; what is transparent keeps its color.
 fn decode_encoded(bytes: &[u8]) -> Result<Picture, String> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| of_file(&e))?;
     let mut limits = Limits::default();
     limits.max_alloc = Some(MAX_DECODE_BYTES);
-    reader.limits(limits);
-    let picture = reader.decode().map_err(of_image)?;
+    reader.limits(limits.clone());
+    let mut decoder = reader.into_decoder().map_err(of_image)?;
+    limits.reserve(decoder.total_bytes()).map_err(of_image)?;
+    decoder.set_limits(limits).map_err(of_image)?;
+    let held = decoder.orientation().map_err(of_image)?;
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(of_image)?;
+    picture.apply_orientation(held);
     let size = [picture.width(), picture.height()];
     let pixels = match picture {
         DynamicImage::ImageLuma16(_)
@@ -166,6 +180,35 @@ mod tests {
         for bytes in [png(gray.into()), png(deep.into()), png(clear.into()), jpeg] {
             let picture = decode_picture(&bytes).unwrap();
             assert_eq!((picture.size, picture.pixels), ([3, 2], vec![[1.0; 3]; 6]));
+        }
+    }
+
+    /// A JPEG that says how its camera was held, by the number that Exif has for it.
+    fn held(jpeg: &[u8], orientation: u8) -> Vec<u8> {
+        let segment = [&[0xffu8, 0xe1, 0, 34][..], &b"Exif\0\0"[..]].concat();
+        let one_entry = [b'I', b'I', 42, 0, 8, 0, 0, 0, 1, 0, 0x12, 0x01, 3, 0, 1, 0, 0, 0, orientation];
+        [&jpeg[..2], &segment[..], &one_entry[..], &[0u8; 7][..], &jpeg[2..]].concat()
+    }
+
+    #[test]
+    fn a_picture_stands_upright_however_its_camera_was_held() {
+        let lying = ImageBuffer::from_fn(16, 8, |x, _| Rgb([if x < 8 { 255u8 } else { 0 }; 3]));
+        let jpeg = encoded(lying, ImageFormat::Jpeg);
+        let cases = [
+            (1, [16, 8], [2, 4]),
+            (2, [16, 8], [13, 4]),
+            (3, [16, 8], [13, 4]),
+            (6, [8, 16], [4, 2]),
+            (8, [8, 16], [4, 13]),
+        ];
+        for (orientation, [width, height], [x, y]) in cases {
+            let bytes = held(&jpeg, orientation);
+            let picture = decode_picture(&bytes).unwrap();
+            let told = size(Cursor::new(&bytes), bytes.len() as u64).unwrap();
+            assert_eq!((picture.size, told), ([width, height], [width, height]), "{orientation}");
+            let at = |x: u32, y: u32| picture.pixels[(y * width + x) as usize][0];
+            let [white, black] = [at(x, y), at(width - 1 - x, height - 1 - y)];
+            assert!(white > 0.9 && black < 0.1, "{orientation}: {white} {black}");
         }
     }
 
