@@ -855,6 +855,19 @@ fn replace_frames(window: &mut Window, path: &std::path::Path) {
 }
 
 #[test]
+fn a_timeline_of_too_many_frames_is_asked_for_in_parts() {
+    let mut window = two_keys();
+    window.get_by_label("Time of the key").set_value_accesskit(86_400.0);
+    window.run_steps(3);
+    click(&mut window, "Export frames…");
+    window.get_by_label_contains("ask for fewer");
+    window.get_by_label("Last frame").set_value_accesskit(10.0);
+    window.run_steps(3);
+    assert!(window.query_by_label_contains("ask for fewer").is_none());
+    window.get_by_label("11 of 24 in a second");
+}
+
+#[test]
 fn frames_that_end_early_say_which_one_did_it_what_is_there_and_what_helps() {
     let mut window = two_keys();
     let folder = tempfile::tempdir().unwrap();

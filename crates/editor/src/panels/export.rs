@@ -124,8 +124,8 @@ pub fn frames_ui(
     let n_frames = n_asked(*asked, last);
     if n_frames > MOST_FRAMES {
         return Some(format!(
-            "{n_frames} frames are more than the {MOST_FRAMES} that a sequence may have; put the last key earlier, or take fewer \
-             in a second"
+            "{n_frames} frames are more than the {MOST_FRAMES} that a sequence may have; ask for fewer, put the last key earlier, \
+             or take fewer in a second"
         ));
     }
     let unnamed = Pattern::new(&meant).err().filter(|_| !path.trim().is_empty());
