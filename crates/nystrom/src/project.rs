@@ -354,7 +354,7 @@ mod tests {
         let mut noisy = wide.clone();
         noisy.data.iter_mut().zip(random(300, 60, &mut rng).data).for_each(|(x, noise)| *x += 1e-3 * noise);
         let [a, b] = narrowed(&means, [&wide, &noisy], 1e-3, &mut rng).unwrap();
-        assert!(a.n_cols == 48 && b.n_cols == 48 && a != b, "{} and {} dimensions", a.n_cols, b.n_cols);
+        assert!(a.n_cols == 40 && b.n_cols == 40 && a != b, "{} and {} dimensions", a.n_cols, b.n_cols);
         let lost = wide.inner_product(&noisy) - a.inner_product(&b);
         assert!(lost.abs() < 4.0, "{lost} of {}", wide.inner_product(&noisy));
     }
