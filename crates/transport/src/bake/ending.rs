@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn blocks_beside_the_least_exact_one_come_first_and_the_others_stay_in_order() {
-        let partition = Partition::new(80, 16, 16);
+        let partition = Partition { width: 80, height: 16, tile: 16 };
         let mut blocks = [2, 4, 1, 3, 0];
         by_errors_around(&partition, &[0.0, 0.0, 9.0, 0.0, 1.0], &mut blocks);
         // 3 has 5 beside it, 1 has 4.5; all others have nothing.
