@@ -707,6 +707,9 @@ impl BakeJob {
             if pass as u32 == last || run.deadline.is_some() || self.passes == Passes::Again {
                 blocks.retain(|b| !done.iter().any(|(d, _)| *d == *b as usize));
             }
+            if run.deadline.is_some() {
+                run.noisy_first(&mut blocks);
+            }
             let pass = pass as u32;
             let flow = run.pass(pass, samples, &blocks, &mut clock, &mut on_event)?;
             if flow.is_break() || run.end_pass(pass, &mut on_event).is_break() {

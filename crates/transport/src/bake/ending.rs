@@ -1,7 +1,9 @@
-//! How long a bake takes once its time is up: noise is taken out of the picture, and its factors become few bytes.
+//! What a bake makes of a time that it has: noisy blocks come first, and so much is kept of the time as the end takes, in which noise is
+//! taken out of the picture and its factors become few bytes.
 
 use std::time::{Duration, Instant};
 
+use clerestory_nystrom::{BlockLowRank, Partition};
 use rayon::prelude::*;
 
 use super::estimate::{most_tried, spread};
@@ -20,6 +22,21 @@ impl Run<'_> {
             deadline.ending = ending;
         }
         true
+    }
+
+    /// Sorts blocks of a pass that may be cut short: the least exact places first.
+    pub(super) fn noisy_first(&self, blocks: &mut [u32]) {
+        let partition = self.header.partition();
+        let groups = &self.matrices[0];
+        let error_of = |block_idx: usize| -> f32 {
+            let of_group = |group: &BlockLowRank| {
+                let block = group.blocks[block_idx].as_ref()?;
+                Some((block.error.truncation.max(0.0) + block.error.sampling) * block.n_cols as f32)
+            };
+            groups.iter().filter_map(of_group).sum()
+        };
+        let errors: Vec<f32> = (0..partition.n_blocks()).map(error_of).collect();
+        by_errors_around(&partition, &errors, blocks);
     }
 
     /// What the end takes of the picture there is; `None` if nobody wants it any more.
@@ -45,9 +62,30 @@ impl Run<'_> {
     }
 }
 
+/// Sorts blocks by the mean error of those around them, the greatest first. A block's own error has no say: blocks that happened to miss
+/// rare light look exact, and would stay as they are.
+fn by_errors_around(partition: &Partition, errors: &[f32], blocks: &mut [u32]) {
+    let around = |block_idx: usize| {
+        let others = partition.around(block_idx).filter(|&near| near != block_idx).map(|near| errors[near]);
+        let (sum, n) = others.fold((0.0, 0), |(sum, n), error| (sum + error, n + 1));
+        sum / n.max(1) as f32
+    };
+    let means: Vec<f32> = (0..partition.n_blocks()).map(around).collect();
+    blocks.sort_by(|&a, &b| means[b as usize].total_cmp(&means[a as usize]));
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn blocks_beside_the_least_exact_one_come_first_and_the_others_stay_in_order() {
+        let partition = Partition { width: 80, height: 16, tile: 16 };
+        let mut blocks = [2, 4, 1, 3, 0];
+        by_errors_around(&partition, &[0.0, 0.0, 9.0, 0.0, 1.0], &mut blocks);
+        // 3 has 5 beside it, 1 has 4.5; all others have nothing.
+        assert_eq!(blocks, [3, 1, 2, 4, 0]);
+    }
 
     #[test]
     fn time_is_up_as_long_before_as_the_end_takes() {
