@@ -258,6 +258,34 @@ fn keys_are_for_the_lamp_of_the_file_that_was_clicked_last() {
 }
 
 #[test]
+fn keys_do_nothing_behind_an_open_menu() {
+    let mut window = with_lamp("Point");
+    let before = window.state().look().clone();
+    let in_picture = middle(&window, "Move Point lamp 1 over surfaces");
+    let in_list = window.get_by_label("Mute Point lamp 1").rect().right_center() + vec2(20.0, 0.0);
+    for at in [in_picture, in_list] {
+        ask_for_menu(&mut window, at);
+        for key in [Key::Delete, Key::Backspace, Key::H, Key::CloseBracket] {
+            window.key_press(key);
+            window.run_steps(3);
+            assert_eq!(*window.state().look(), before, "{key:?}");
+        }
+        window.key_press_modifiers(Modifiers::COMMAND, Key::D);
+        window.run_steps(3);
+        assert_eq!(*window.state().look(), before, "nothing is copied");
+        // It is open still, and the panels are seen.
+        window.get_by_label("Give it a profile…");
+        window.get_by_label("Mute lamp");
+        window.key_press(Key::Escape);
+        window.run_steps(3);
+        assert!(window.query_by_label("Give it a profile…").is_none());
+    }
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    assert!(lamps(&window).is_empty(), "without a menu the key is for the lamp");
+}
+
+#[test]
 fn a_lamp_of_the_file_is_copied_by_key_and_menu_and_stays_as_it_is() {
     let mut window = baked();
     let at = on_screen(&window, Vec3::new(0.3, 0.6, -0.2));
