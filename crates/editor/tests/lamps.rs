@@ -311,6 +311,17 @@ fn a_lamp_of_the_file_is_copied_by_key_and_menu_and_stays_as_it_is() {
 }
 
 #[test]
+fn who_duplicates_what_is_no_lamp_hears_why_there_is_no_copy() {
+    let mut window = baked();
+    let name = window.get_by_label("Mute panel").rect().right_center() + vec2(20.0, 0.0);
+    click_at(&mut window, name, Modifiers::NONE);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::D);
+    window.run_steps(3);
+    assert!(lamps(&window).is_empty());
+    assert!(says(&window, "panel is no lamp; only lamps can be duplicated"));
+}
+
+#[test]
 fn a_light_in_whose_place_a_lamp_shines_is_made_movable_once_and_its_copies_shine() {
     let mut window = baked();
     make_movable(&mut window, "lamp");
