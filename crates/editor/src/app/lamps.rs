@@ -123,7 +123,9 @@ impl App {
     /// A lamp shines by a measured distribution from now on, as strong as that says.
     fn give_profile(&mut self, key: &str, shape: LampShape, (strength, unit): (f32, LampUnit)) {
         let before = self.look.lights.lamps.iter().find(|lamp| lamp.key == key);
-        let Some(lamp) = before.map(|before| FreeLamp { shape, strength, unit, ..before.clone() }) else { return };
+        let Some(lamp) = before.map(|before| FreeLamp { shape, strength, unit, ..before.clone() }) else {
+            return self.complain(format!("`{key}` is there no longer, so that nothing got the profile"));
+        };
         if !fits(&lamp) {
             return self.complain("it would be stronger than a look holds");
         }
