@@ -188,6 +188,19 @@ fn without_a_display_three_looks_become_frames() {
 }
 
 #[test]
+fn without_a_display_a_bake_is_not_baked_again_but_told_how_it_is_lit() {
+    let folder = desk();
+    std::fs::write(folder.path().join("room.transport"), "").unwrap();
+    let output = run(folder.path(), "room.transport");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        output.status.code() == Some(1) && said.contains("`clerestory relight room.transport -o OUT.png`"),
+        "{said}"
+    );
+    assert!(!said.contains("baking") && !folder.path().join("frames").exists(), "{said}");
+}
+
+#[test]
 fn without_a_display_frames_that_are_black_are_told() {
     let folder = desk();
     let mut room: serde_json::Value = serde_json::from_str(ROOM).unwrap();
