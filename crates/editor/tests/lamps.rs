@@ -1166,6 +1166,20 @@ fn a_look_takes_no_more_lamps_than_it_could_be_opened_with() {
 }
 
 #[test]
+fn a_lamp_of_a_kept_look_that_has_the_name_of_a_light_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.look");
+    let lamp = json!({"key": "lamp", "type": "point", "position": [0, 0, 0], "strength": 1});
+    let look = json!({"clerestory": 1, "looks": [{"name": "Evening", "lamps": [lamp]}]});
+    std::fs::write(&path, look.to_string()).unwrap();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path)));
+    wait(&mut window, |app| !app.look().snapshots.is_empty());
+    assert!(says(&window, "looks that were kept have a lamp `lamp`, but a light of the scene has this name"));
+    assert!(window.state().look().snapshots[0].lights.lamps.is_empty());
+}
+
+#[test]
 fn what_a_moved_lamp_lacks_is_baked_from_where_it_is_told() {
     let mut window = with_lamp("Point");
     wait(&mut window, App::is_settled);
