@@ -621,6 +621,29 @@ fn what_is_wished_in_a_look_is_solved_where_nothing_else_is_named() {
 }
 
 #[test]
+fn what_is_solved_takes_the_place_of_no_file_that_its_look_names() {
+    let folder = desk();
+    let looks = folder.path().join("looks");
+    std::fs::create_dir(&looks).unwrap();
+    let head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n";
+    let sky = [&head[..], &[32, 64, 128, 131, 32, 64, 128, 131]].concat();
+    for (name, bytes) in [("day.hdr", sky.as_slice()), ("down.ies", &b"IESNA"[..]), ("goal.exr", &b"linear"[..])] {
+        std::fs::write(looks.join(name), bytes).unwrap();
+    }
+    let look = r#"{"clerestory": 1, "sky": {"file": "day.hdr"}, "lamps": [{"key": "down", "type": "ies",
+        "position": [0, 0.9, 0], "aim": [0, -1, 0], "strength": 300, "unit": "cd", "file": "down.ies"}],
+        "wishes": {"list": [{"name": "goal", "match": "goal.exr"}]}}"#;
+    std::fs::write(looks.join("a.look"), look).unwrap();
+    for (name, what) in [("day.hdr", "sky"), ("down.ies", "measured distribution"), ("goal.exr", "picture")] {
+        let before = std::fs::read(looks.join(name)).unwrap();
+        let output = run(folder.path(), &format!("solve room.transport --look looks/a.look -o looks/{name}"));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(said.contains(&format!("would overwrite the {what}")), "{said}");
+        assert_eq!(std::fs::read(looks.join(name)).unwrap(), before);
+    }
+}
+
+#[test]
 fn a_schedule_counts_what_shines_and_measures_the_floor() {
     let folder = desk();
     let told = answer(folder.path(), "schedule room.gltf --efficacy 50 -o lamps.csv");
