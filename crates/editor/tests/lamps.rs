@@ -863,6 +863,33 @@ fn a_lamp_that_its_file_has_since_the_bake_says_so_instead_of_being_set() {
 }
 
 #[test]
+fn a_panel_that_its_file_has_since_the_bake_says_so_instead_of_taking_spots() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.transport");
+    archive::write(&baked().state().session().shown.as_ref().unwrap().bake(), &path).unwrap();
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    gltf["nodes"].as_array_mut().unwrap().last_mut().unwrap()["name"] = json!("newer");
+    // With another lamp the file is that of the bake by its surfaces alone, and has panels of its own.
+    gltf["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] = json!(7);
+    std::fs::write(folder.path().join("room.gltf"), gltf.to_string()).unwrap();
+
+    let mut window = open(Source::File(path));
+    wait(&mut window, |app| app.session().lamp_scene().is_some() && app.n_pictures() > 0);
+    wait(&mut window, App::is_settled);
+    let before = window.state().look().clone();
+    let [from, to] = [Vec3::new(-0.2, 0.4, -0.7), Vec3::new(0.2, 0.4, -0.3)].map(|at| on_screen(&window, at));
+    window.hover_at(from);
+    window.run_steps(3);
+    window.get_by_label("newer, it is not in this bake");
+    ask_for_menu(&mut window, from);
+    assert!(window.query_by_label("Add a spot here").is_none());
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    drag(&mut window, from, to);
+    assert_eq!(*window.state().look(), before);
+}
+
+#[test]
 fn a_light_tells_its_name_where_the_pointer_is_on_it() {
     const OF_LAMP: &str = "lamp, click to choose it, drag to move it";
     const OF_PANEL: &str = "panel, drag to place a spot of light";
