@@ -94,6 +94,10 @@ fn caustics_that_a_lamp_lacks_are_named_beside_the_picture() {
         click(&mut window, "Point");
         wait(&mut window, App::is_settled);
         assert_eq!(n_named(&window), usize::from(is_mirror));
+        if is_mirror {
+            click(&mut window, "Lamps: without caustics");
+            assert!(says(&window, "throw onto other surfaces is missing"));
+        }
     }
 }
 
