@@ -100,6 +100,8 @@ pub struct App {
     wake: crate::session::Wake,
     session: Session,
     look: Look,
+    /// As it was when the frame began to be drawn.
+    look_before: Look,
     saved_look: Look,
     look_path: Option<PathBuf>,
     look_files: LookFiles,
@@ -200,6 +202,7 @@ impl App {
             wake: wake.clone(),
             session,
             look: Look::default(),
+            look_before: Look::default(),
             saved_look: Look::default(),
             look_path: None,
             look_files: LookFiles::new(wake.clone()),
@@ -467,7 +470,10 @@ impl eframe::App for App {
 
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         note_open(ui.ctx(), self.shortcuts);
-        let before = self.look.clone();
+        // Looks are large: one that stays is not copied.
+        if self.look_before != self.look {
+            self.look_before = self.look.clone();
+        }
         let solo_before: BTreeSet<String> = self.lights.solo.clone();
         let (lamp_before, key_before) = (self.lights.lamps.chosen.clone(), self.looks.player.chosen());
         self.messages.follow(ui.ctx());
@@ -485,20 +491,21 @@ impl eframe::App for App {
         self.choose_one(lamp_before, key_before);
         self.follow_solo();
         // The worker starts on the new picture while this frame is still being painted.
-        let are_lights_edited = self.look.lights != before.lights || self.lights.solo != solo_before;
-        if self.look.display != before.display {
+        let is_lit_otherwise = self.look.lights != self.look_before.lights;
+        let is_shown_otherwise = self.look.display != self.look_before.display;
+        let is_heard_otherwise = self.lights.solo != solo_before;
+        if is_shown_otherwise {
             self.follower.release_exposure();
-        } else if are_lights_edited {
+        } else if is_lit_otherwise || is_heard_otherwise {
             self.follower.hold_exposure(&ctx);
         }
-        let is_edited = (&self.look.lights, &self.look.display) != (&before.lights, &before.display);
-        if is_edited {
+        if is_lit_otherwise || is_shown_otherwise {
             self.looks.player.stop();
         }
-        if is_edited || are_lights_edited {
+        if is_lit_otherwise || is_shown_otherwise || is_heard_otherwise {
             self.follow(&ctx);
         }
-        if !self.actions.is_empty() || self.look != before {
+        if !self.actions.is_empty() || self.look != self.look_before {
             ctx.request_repaint();
         }
         self.pulse.iter_mut().for_each(Pulse::end);

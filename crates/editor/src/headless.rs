@@ -63,11 +63,12 @@ struct LookFile {
 /// and of the scene that was open last. `reason` says why there is no window.
 ///
 /// # Errors
-/// If the scene or the look cannot be loaded, or a frame cannot be written.
+/// If the scene or the look cannot be loaded, is a bake, or a frame cannot be written.
 pub fn run(open: Option<&Path>, reason: &str, console: &mut Console) -> Result<Answer> {
     let (source, look) = without_window(open.map(Path::to_path_buf));
     let scene = if let Source::File(path) = source { Some(path) } else { None };
     let name = scene.as_ref().map_or("the built-in gallery".into(), |path| path.display().to_string());
+    refuse_bake(scene.as_deref(), look.as_deref(), reason)?;
     let under = look.as_ref().map_or_else(String::new, |look| under_words(scene.as_deref(), look));
     console
         .note(&format!("{reason}: baking {name}{under} and writing frames to {FOLDER}/ instead of opening the editor"));
@@ -93,6 +94,23 @@ pub fn run(open: Option<&Path>, reason: &str, console: &mut Console) -> Result<A
     );
     merge(&mut answer.json, json!({ "frames": frames, "warnings": console.warnings() }));
     Ok(answer)
+}
+
+/// Says of what is baked already how it is lit.
+fn refuse_bake(scene: Option<&Path>, look: Option<&Path>, reason: &str) -> Result<()> {
+    let Some(bake) = scene.filter(|path| is_transport(path)).map(Path::display) else { return Ok(()) };
+    match look.map(Path::display) {
+        Some(look) => bail!(
+            "{bake} was open last in the editor, and is baked already; `clerestory relight {bake} --look {look} -o OUT.png` lights it"
+        ),
+        None => bail!(
+            "{reason}, and {bake} is baked already; `clerestory relight {bake} -o OUT.png` lights it, with --look FILE.look in another way"
+        ),
+    }
+}
+
+fn is_transport(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("transport"))
 }
 
 /// Why a scene is the one that a look is shown with.
@@ -151,12 +169,6 @@ struct Baked {
 }
 
 fn scene_or_gallery(scene: Option<&Path>, name: &str, file: Option<&LookFile>, console: &mut Console) -> Result<Baked> {
-    if let (Some(LookFile { path, .. }), true) = (file, scene.is_some_and(is_transport)) {
-        let look = path.display();
-        bail!(
-            "{name} was open last in the editor, and is baked already; `clerestory relight {name} --look {look} -o OUT.png` lights it"
-        );
-    }
     let imported = match scene {
         Some(path) => load_scene(path, &Choice::default(), console)?,
         None => import::load_bytes("gallery.glb", GALLERY).context("cannot load the built-in scene")?,
@@ -188,10 +200,6 @@ fn scene_or_gallery(scene: Option<&Path>, name: &str, file: Option<&LookFile>, c
     let (patches, measures) = (bake.header.patches.clone(), bake.pixel_irradiance().is_some());
     let view = LampView { scene, camera, film, patches, measures, device: None };
     Ok(Baked { bake, times, options, looks, view: Some(view) })
-}
-
-fn is_transport(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("transport"))
 }
 
 /// A folder of pictures, each under one light.

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
+use crate::crash;
 use crate::look::{Look, OnDisk};
 use crate::output::write_whole;
 use crate::words::in_words;
@@ -150,7 +151,7 @@ impl Keeper {
         let slot = own.with_context(|| format!("cannot keep unsaved looks: {} is full", folder.display()))?;
         let (sender, orders) = channel();
         let (tell, problems) = channel();
-        let work = move || orders.iter().for_each(|order| carry_out(order, &tell));
+        let work = move || orders.iter().for_each(|order| told(&tell, || carry_out(order)));
         let thread = std::thread::Builder::new().name("keep".into()).spawn(work)?;
         let keeper =
             Keeper { slot, sender: Some(sender), problems, thread: Some(thread), kept: None, changed_at: None };
@@ -206,8 +207,8 @@ impl Drop for Keeper {
     }
 }
 
-fn carry_out(order: Order, tell: &Sender<String>) {
-    let result = match order {
+fn carry_out(order: Order) -> Result<()> {
+    match order {
         Order::Keep(path, work) => serde_json::to_vec_pretty(&work)
             .context("paths that are no text cannot be kept")
             .and_then(|json| write_whole(&path, &json)),
@@ -215,9 +216,17 @@ fn carry_out(order: Order, tell: &Sender<String>) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error.into()),
             _ => Ok(()),
         },
+    }
+}
+
+/// Does a job of the thread, and tells where it fails or panics; what is ordered next is carried out all the same.
+fn told(tell: &Sender<String>, job: impl FnOnce() -> Result<()>) {
+    let why = match crash::guarded(job) {
+        Ok(done) => done.err().map(|error| in_words(&error)),
+        Err(words) => Some(words),
     };
-    if let Err(error) = result {
-        let _ = tell.send(format!("unsaved changes are not kept for a crash: {}", in_words(&error)));
+    if let Some(why) = why {
+        let _ = tell.send(format!("unsaved changes are not kept for a crash: {why}"));
     }
 }
 
@@ -281,6 +290,15 @@ mod tests {
         let (_keeper, left) = Keeper::start(folder.path()).unwrap();
         assert!(left.is_empty());
         assert!(folder.path().join("0.damaged").exists());
+    }
+
+    #[test]
+    fn a_crash_while_work_is_kept_is_told() {
+        let (tell, problems) = channel();
+        told(&tell, || panic!("as asked"));
+        told(&tell, || Ok(()));
+        let said: Vec<String> = problems.try_iter().collect();
+        assert!(said.len() == 1 && said[0].contains("not kept for a crash: it ended unexpectedly"), "{said:?}");
     }
 
     #[test]

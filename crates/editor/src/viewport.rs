@@ -232,7 +232,7 @@ fn handles_ui(
     actions: &mut Vec<Action>,
 ) -> bool {
     let Sight { scene, camera, film, image } = *sight;
-    let picker = PanelPicker { scene, camera, film, image };
+    let picker = PanelPicker { scene, camera, film, image, baked };
     let pointed = lights.pointed.take();
     let mut is_free = !lamps::lamps_ui(ui, response, sight, look, lights, actions);
     if !lights.lamps.aiming && lights.lamps.drag.is_none() {

@@ -94,6 +94,10 @@ fn caustics_that_a_lamp_lacks_are_named_beside_the_picture() {
         click(&mut window, "Point");
         wait(&mut window, App::is_settled);
         assert_eq!(n_named(&window), usize::from(is_mirror));
+        if is_mirror {
+            click(&mut window, "Lamps: without caustics");
+            assert!(says(&window, "throw onto other surfaces is missing"));
+        }
     }
 }
 
@@ -258,6 +262,34 @@ fn keys_are_for_the_lamp_of_the_file_that_was_clicked_last() {
 }
 
 #[test]
+fn keys_do_nothing_behind_an_open_menu() {
+    let mut window = with_lamp("Point");
+    let before = window.state().look().clone();
+    let in_picture = middle(&window, "Move Point lamp 1 over surfaces");
+    let in_list = window.get_by_label("Mute Point lamp 1").rect().right_center() + vec2(20.0, 0.0);
+    for at in [in_picture, in_list] {
+        ask_for_menu(&mut window, at);
+        for key in [Key::Delete, Key::Backspace, Key::H, Key::CloseBracket] {
+            window.key_press(key);
+            window.run_steps(3);
+            assert_eq!(*window.state().look(), before, "{key:?}");
+        }
+        window.key_press_modifiers(Modifiers::COMMAND, Key::D);
+        window.run_steps(3);
+        assert_eq!(*window.state().look(), before, "nothing is copied");
+        // It is open still, and the panels are seen.
+        window.get_by_label("Give it a profile…");
+        window.get_by_label("Mute lamp");
+        window.key_press(Key::Escape);
+        window.run_steps(3);
+        assert!(window.query_by_label("Give it a profile…").is_none());
+    }
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    assert!(lamps(&window).is_empty(), "without a menu the key is for the lamp");
+}
+
+#[test]
 fn a_lamp_of_the_file_is_copied_by_key_and_menu_and_stays_as_it_is() {
     let mut window = baked();
     let at = on_screen(&window, Vec3::new(0.3, 0.6, -0.2));
@@ -280,6 +312,17 @@ fn a_lamp_of_the_file_is_copied_by_key_and_menu_and_stays_as_it_is() {
         click(&mut window, "Undo");
         assert_eq!(lamps(&window).len(), n_left);
     }
+}
+
+#[test]
+fn who_duplicates_what_is_no_lamp_hears_why_there_is_no_copy() {
+    let mut window = baked();
+    let name = window.get_by_label("Mute panel").rect().right_center() + vec2(20.0, 0.0);
+    click_at(&mut window, name, Modifiers::NONE);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::D);
+    window.run_steps(3);
+    assert!(lamps(&window).is_empty());
+    assert!(says(&window, "panel is no lamp; only lamps can be duplicated"));
 }
 
 #[test]
@@ -824,6 +867,33 @@ fn a_lamp_that_its_file_has_since_the_bake_says_so_instead_of_being_set() {
 }
 
 #[test]
+fn a_panel_that_its_file_has_since_the_bake_says_so_instead_of_taking_spots() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.transport");
+    archive::write(&baked().state().session().shown.as_ref().unwrap().bake(), &path).unwrap();
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    gltf["nodes"].as_array_mut().unwrap().last_mut().unwrap()["name"] = json!("newer");
+    // With another lamp the file is that of the bake by its surfaces alone, and has panels of its own.
+    gltf["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] = json!(7);
+    std::fs::write(folder.path().join("room.gltf"), gltf.to_string()).unwrap();
+
+    let mut window = open(Source::File(path));
+    wait(&mut window, |app| app.session().lamp_scene().is_some() && app.n_pictures() > 0);
+    wait(&mut window, App::is_settled);
+    let before = window.state().look().clone();
+    let [from, to] = [Vec3::new(-0.2, 0.4, -0.7), Vec3::new(0.2, 0.4, -0.3)].map(|at| on_screen(&window, at));
+    window.hover_at(from);
+    window.run_steps(3);
+    window.get_by_label("newer, it is not in this bake");
+    ask_for_menu(&mut window, from);
+    assert!(window.query_by_label("Add a spot here").is_none());
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    drag(&mut window, from, to);
+    assert_eq!(*window.state().look(), before);
+}
+
+#[test]
 fn a_light_tells_its_name_where_the_pointer_is_on_it() {
     const OF_LAMP: &str = "lamp, click to choose it, drag to move it";
     const OF_PANEL: &str = "panel, drag to place a spot of light";
@@ -1124,6 +1194,20 @@ fn a_look_takes_no_more_lamps_than_it_could_be_opened_with() {
     click(&mut window, "Point");
     assert_eq!(lamps(&window).len(), 1000);
     assert!(says(&window, "a look holds 1000 lamps at most"));
+}
+
+#[test]
+fn a_lamp_of_a_kept_look_that_has_the_name_of_a_light_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.look");
+    let lamp = json!({"key": "lamp", "type": "point", "position": [0, 0, 0], "strength": 1});
+    let look = json!({"clerestory": 1, "looks": [{"name": "Evening", "lamps": [lamp]}]});
+    std::fs::write(&path, look.to_string()).unwrap();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path)));
+    wait(&mut window, |app| !app.look().snapshots.is_empty());
+    assert!(says(&window, "looks that were kept have a lamp `lamp`, but a light of the scene has this name"));
+    assert!(window.state().look().snapshots[0].lights.lamps.is_empty());
 }
 
 #[test]

@@ -188,6 +188,19 @@ fn without_a_display_three_looks_become_frames() {
 }
 
 #[test]
+fn without_a_display_a_bake_is_not_baked_again_but_told_how_it_is_lit() {
+    let folder = desk();
+    std::fs::write(folder.path().join("room.transport"), "").unwrap();
+    let output = run(folder.path(), "room.transport");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        output.status.code() == Some(1) && said.contains("`clerestory relight room.transport -o OUT.png`"),
+        "{said}"
+    );
+    assert!(!said.contains("baking") && !folder.path().join("frames").exists(), "{said}");
+}
+
+#[test]
 fn without_a_display_frames_that_are_black_are_told() {
     let folder = desk();
     let mut room: serde_json::Value = serde_json::from_str(ROOM).unwrap();
@@ -605,6 +618,29 @@ fn what_is_wished_in_a_look_is_solved_where_nothing_else_is_named() {
     std::fs::write(path("bare.look"), r#"{"clerestory": 1}"#).unwrap();
     let output = run(folder.path(), "solve room.transport --look bare.look -o bad.look");
     assert!(String::from_utf8_lossy(&output.stderr).contains("a --look with wishes"));
+}
+
+#[test]
+fn what_is_solved_takes_the_place_of_no_file_that_its_look_names() {
+    let folder = desk();
+    let looks = folder.path().join("looks");
+    std::fs::create_dir(&looks).unwrap();
+    let head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n";
+    let sky = [&head[..], &[32, 64, 128, 131, 32, 64, 128, 131]].concat();
+    for (name, bytes) in [("day.hdr", sky.as_slice()), ("down.ies", &b"IESNA"[..]), ("goal.exr", &b"linear"[..])] {
+        std::fs::write(looks.join(name), bytes).unwrap();
+    }
+    let look = r#"{"clerestory": 1, "sky": {"file": "day.hdr"}, "lamps": [{"key": "down", "type": "ies",
+        "position": [0, 0.9, 0], "aim": [0, -1, 0], "strength": 300, "unit": "cd", "file": "down.ies"}],
+        "wishes": {"list": [{"name": "goal", "match": "goal.exr"}]}}"#;
+    std::fs::write(looks.join("a.look"), look).unwrap();
+    for (name, what) in [("day.hdr", "sky"), ("down.ies", "measured distribution"), ("goal.exr", "picture")] {
+        let before = std::fs::read(looks.join(name)).unwrap();
+        let output = run(folder.path(), &format!("solve room.transport --look looks/a.look -o looks/{name}"));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(said.contains(&format!("would overwrite the {what}")), "{said}");
+        assert_eq!(std::fs::read(looks.join(name)).unwrap(), before);
+    }
 }
 
 #[test]

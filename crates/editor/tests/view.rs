@@ -678,6 +678,8 @@ fn a_view_that_is_left_by_a_key_before_it_rests_comes_back_by_undo() {
     window.key_press(Key::PageDown);
     window.run_steps(3);
     assert_eq!((shown_camera(&window), window.state().camera()), (first.clone(), Some(&first)));
+    let hint = "Undo brings back the view that was not baked";
+    assert!(window.query_all_by_label(hint).next().is_some());
     click(&mut window, "Undo");
     assert_eq!(window.state().camera(), Some(&walked));
     window.get_by_label("View of the camera");

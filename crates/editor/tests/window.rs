@@ -1200,6 +1200,27 @@ fn a_scene_that_comes_waits_until_the_look_before_it_is_saved() {
 }
 
 #[test]
+fn a_profile_for_a_lamp_that_went_with_its_scene_goes_to_nothing_and_that_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, look, ies) = (gallery(folder.path()), folder.path().join("a.look"), folder.path().join("down.ies"));
+    std::fs::write(&ies, "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n")
+        .unwrap();
+    let mut window = baked();
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    save_as(&mut window, "Save look…", &look);
+    let lamp = window.get_by_label("Move Point lamp 1 over surfaces").rect().center();
+    ask_for_menu(&mut window, lamp);
+    drop_all(&mut window, &[&path]);
+    assert_is_opening(&window);
+    ask_for(&mut window, "Give it a profile…", &ies);
+    wait(&mut window, |app| name_of_open(app) == Some("gallery.glb"));
+    click(&mut window, "Open");
+    assert!(window.query_all_by_label_contains("is there no longer").next().is_some());
+    assert!(window.state().look().lights.lamps.is_empty());
+}
+
+#[test]
 fn the_opening_of_a_file_is_stopped_and_what_is_open_stays() {
     let folder = tempfile::tempdir().unwrap();
     let path = gallery(folder.path());

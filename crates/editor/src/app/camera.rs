@@ -17,6 +17,8 @@ use crate::viewport::flight::{FlightView, Habits, flight_ui, pivot_m};
 use crate::viewport::orbit::Flight;
 
 const HABITS_KEY: &str = "navigation";
+/// Said where a view is left that nobody has baked.
+const LEFT_UNBAKED: &str = "Undo brings back the view that was not baked";
 /// Distance to what is looked at where nothing is, meters.
 const FAR_M: f32 = 3.0;
 
@@ -125,7 +127,7 @@ impl App {
         let is_lost = self.camera.is_moving && !self.is_baked_view();
         self.as_one_step(App::put_camera_down);
         if is_lost {
-            self.say("Undo brings back the view that was not baked");
+            self.say(LEFT_UNBAKED);
         }
     }
 
@@ -164,11 +166,16 @@ impl App {
     }
 
     pub(super) fn show_view(&mut self, id: u64) {
+        let in_hand = self.camera().filter(|_| self.camera.is_moving);
+        let is_lost = in_hand.is_some_and(|camera| self.session.view_of(camera).is_none());
         // The view of a camera in hand that has not rested yet is a step as well.
         self.keep_step();
         self.session.show_view(id);
         self.camera.put_down();
         self.adopt_view();
+        if is_lost {
+            self.say(LEFT_UNBAKED);
+        }
     }
 
     /// Shows the view so many places after the one that is shown.

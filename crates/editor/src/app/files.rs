@@ -71,6 +71,10 @@ impl App {
         if task != FileTask::SaveLook {
             self.after_saving = None;
         }
+        if task != FileTask::OpenProfile {
+            // The next profile is not for what another question took the place of.
+            (self.profile_at_px, self.profile_for) = (None, None);
+        }
         self.asked_frames = None;
         self.question = Some(FileQuestion::new(task, &suggestion, folder, own, self.dialogs));
     }

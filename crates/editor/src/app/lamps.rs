@@ -123,7 +123,9 @@ impl App {
     /// A lamp shines by a measured distribution from now on, as strong as that says.
     fn give_profile(&mut self, key: &str, shape: LampShape, (strength, unit): (f32, LampUnit)) {
         let before = self.look.lights.lamps.iter().find(|lamp| lamp.key == key);
-        let Some(lamp) = before.map(|before| FreeLamp { shape, strength, unit, ..before.clone() }) else { return };
+        let Some(lamp) = before.map(|before| FreeLamp { shape, strength, unit, ..before.clone() }) else {
+            return self.complain(format!("`{key}` is there no longer, so that nothing got the profile"));
+        };
         if !fits(&lamp) {
             return self.complain("it would be stronger than a look holds");
         }
@@ -225,7 +227,15 @@ impl App {
         let is_lamp = |kind: SourceKind| matches!(kind, SourceKind::Point | SourceKind::Spot | SourceKind::Directional);
         let of_file = self.of_file_in_hand().filter(|source| is_lamp(source.kind));
         let of_file: Vec<String> = of_file.map(|source| source.key.clone()).collect();
-        self.add_copies(&self.lamps_in_hand(), &of_file);
+        let free = self.lamps_in_hand();
+        if free.is_empty() && of_file.is_empty() {
+            let chosen = self.of_file_in_hand().next().map(|source| self.look.name_of(&source.key).to_owned());
+            if let Some(name) = chosen {
+                self.say(format!("{name} is no lamp; only lamps can be duplicated"));
+            }
+            return;
+        }
+        self.add_copies(&free, &of_file);
     }
 
     /// Adds copies of free lamps and of lamps of the file, and selects them.

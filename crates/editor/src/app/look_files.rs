@@ -105,11 +105,10 @@ impl App {
         let mut is_whole = warnings.is_empty();
         if let Some(basis) = self.session.basis() {
             warnings.extend(look.unheeded(basis));
-            for rig in look.rigs_mut() {
-                let n_lamps = rig.lamps.len();
-                rig.lamps.retain(|lamp| basis.source(&lamp.key).is_none());
-                is_whole &= rig.lamps.len() == n_lamps;
-            }
+            let n_lamps = |look: &Look| look.rigs().map(|rig| rig.lamps.len()).sum::<usize>();
+            let n_before = n_lamps(&look);
+            warnings.extend(look.leave_out_taken(basis));
+            is_whole &= n_lamps(&look) == n_before;
         }
         look.scene = std::mem::take(&mut look.scene).or(&self.look.scene);
         self.daylight.stop();
@@ -137,7 +136,7 @@ impl App {
         other.scene = self.look.scene.clone();
         if let Some(basis) = self.session.basis() {
             warnings.extend(other.unheeded(basis));
-            other.rigs_mut().for_each(|rig| rig.lamps.retain(|lamp| basis.source(&lamp.key).is_none()));
+            warnings.extend(other.leave_out_taken(basis));
         }
         let stem = path.file_stem().map_or_else(|| "Look".into(), |stem| stem.to_string_lossy().into_owned());
         let mut n_added = None;

@@ -1,6 +1,7 @@
 //! What is marked in the picture, measured there, and wished for: threads beside the window, and what is done with their answers.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -15,6 +16,7 @@ use glam::Vec3;
 
 use super::App;
 use super::floor::SceneFloor;
+use super::follow::Follower;
 use crate::illuminance::{LuxFigures, of_grid, of_marks, write_points};
 use crate::look::wishes::{Wanted, Where, Wishes};
 use crate::look::{Look, Units};
@@ -286,6 +288,14 @@ impl App {
         }
         let Some(shown) = &self.session.shown else { return };
         let has_pixels = shown.pixel_irradiance().is_some();
+        let marks = self.view.marking.marks().filter(|_| has_pixels).cloned();
+        if marks.is_none() && shown.irradiance.len() <= usize::from(has_pixels) {
+            self.solving.measured = None;
+            return;
+        }
+        if self.solving.measuring.is_busy() {
+            return;
+        }
         let seen = self.solving.seen(view);
         let light = self.follower.shown_lamp_light(shown);
         let of = Measured {
@@ -293,14 +303,10 @@ impl App {
             n_sets: shown.irradiance.len(),
             rig: heard(&shown.header.basis, &self.seen().lights, &self.lights.solo),
             lamps: light.map_or(0, |light| Arc::as_ptr(&light.direct).addr()),
-            marks: self.view.marking.marks().filter(|_| has_pixels).cloned(),
+            marks,
             by_area: seen.is_some(),
         };
-        if self.solving.measured.as_ref().is_some_and(|(known, _)| *known == of) || self.solving.measuring.is_busy() {
-            return;
-        }
-        if of.marks.is_none() && shown.irradiance.len() <= usize::from(has_pixels) {
-            self.solving.measured = None;
+        if self.solving.measured.as_ref().is_some_and(|(known, _)| *known == of) {
             return;
         }
         let (bake, mut added) = (shown.bake(), light.map(LampLight::added_lux).unwrap_or_default());
@@ -350,7 +356,8 @@ impl App {
         }
         self.solving.is_due = false;
         let Some(shown) = &self.session.shown else { return };
-        let request = here(&self.session, &self.solving.pictures).request(&self.look.wishes, &self.free_lights());
+        let lights = free_lights(&self.session, &self.follower, &self.look.lights);
+        let request = here(&self.session, &self.solving.pictures).request(&self.look.wishes, &lights);
         let rig = self.look.lights.clone();
         let parts = self.follower.lamp_light().map(|light| light.parts.clone()).unwrap_or_default();
         let lit = rig.lit_lamps();
@@ -495,14 +502,6 @@ impl App {
         }
     }
 
-    /// Keys of all lights that shine.
-    fn free_lights(&self) -> Vec<String> {
-        let known = self.follower.lamp_light().map(|light| &light.parts[..]).unwrap_or_default();
-        let is_known = |key: &str| known.iter().any(|part| part.key == key);
-        let basis = self.session.basis();
-        basis.map_or_else(Vec::new, |basis| may_change(basis, &self.look.lights, is_known))
-    }
-
     /// How illuminance can be had, where it is not there.
     pub(super) fn lux_bake(&self) -> LuxBake {
         match () {
@@ -548,10 +547,11 @@ impl App {
             work_plane: &mut self.look.scene.work_plane,
         };
         measure_ui(ui, state, &view, &mut self.actions);
-        let (mut wishes, lights) = (self.look.wishes.clone(), self.free_lights());
+        let mut wishes = self.look.wishes.clone();
+        let lights = || free_lights(&self.session, &self.follower, &self.look.lights);
         let view = SolveView {
             look: &self.look,
-            lights,
+            lights: &lights,
             busy: match () {
                 () if self.solving.is_due => Some("Waiting for the light of the lamps"),
                 () if self.solving.solving.is_busy() => Some("Looking for the lights"),
@@ -571,6 +571,14 @@ impl App {
             self.ask_for_floor();
         }
     }
+}
+
+/// Keys of all lights that shine.
+fn free_lights(session: &Session, follower: &Follower, rig: &LightRig) -> Vec<String> {
+    let Some(basis) = session.basis() else { return Vec::new() };
+    let parts = follower.lamp_light().map(|light| &light.parts[..]).unwrap_or_default();
+    let known: BTreeSet<&str> = parts.iter().map(|part| part.key.as_str()).collect();
+    may_change(basis, rig, |key| known.contains(key))
 }
 
 /// What wishes are about where they are solved.

@@ -368,8 +368,8 @@ pub struct RelightOptions {
     #[arg(long, value_enum, default_value_t = Device::Auto)]
     pub device: Device,
     /// Layers beside the picture itself (EXR only); `lights` adds KEY.R, KEY.G, KEY.B for every light, `groups` such for
-    /// every kind of light, `irradiance` adds irradiance.R, irradiance.G, irradiance.B: the light that arrives, in lux per
-    /// channel. Several are set apart by commas.
+    /// every group of the look, and for lights without one per kind, `irradiance` adds irradiance.R, irradiance.G,
+    /// irradiance.B: the light that arrives, in lux per channel. Several are set apart by commas.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "none")]
     pub layers: Vec<Layers>,
     /// Numbers of the file.
@@ -464,7 +464,8 @@ pub enum Layers {
     None,
     /// One per light.
     Lights,
-    /// One per kind of light: lamps, luminous surfaces, panels, sky, unlit surfaces, free lamps.
+    /// One per group of the look, and for lights without one per kind: lamps, luminous surfaces, panels, sky, unlit
+    /// surfaces, free lamps.
     Groups,
     /// The light that arrives at what is seen.
     Irradiance,

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
@@ -17,7 +17,7 @@ use super::args::SolveArgs;
 use super::bake::merge;
 use super::console::{Answer, Console};
 use super::lamps::{Arriving, DEFAULT_SAMPLES, LampLight, open};
-use super::view::{load_bake, load_look, or_of_file, spare_look, warn_of_unknown_lights};
+use super::view::{load_bake, load_look, or_of_file, spare_named, warn_of_unknown_lights};
 use crate::look::{Look, Units};
 use crate::marks::{Framing, Seen};
 use crate::output::{PendingFile, spare_inputs};
@@ -37,13 +37,17 @@ pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
         ("picture", args.picture.as_ref()),
     ];
     spare_inputs(&args.output, inputs.into_iter().filter_map(|(what, path)| Some((what, path?.as_path()))))?;
-    spare_look(&args.output, None, &look)?;
+    // The look itself may become what was found, but nothing that it names.
+    let folder = args.look.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
+    spare_named(&args.output, folder, &look)?;
+    let pictures: Vec<PathBuf> = look.wishes.files().map(|file| folder.join(file)).collect();
+    spare_inputs(&args.output, pictures.iter().map(|file| ("picture", file.as_path())))?;
     let place = PendingFile::create(&args.output)?;
     let bake = load_bake(&args.transport)?;
     look = or_of_file(look, args.look.as_deref(), &bake.header.basis);
     warn_of_unknown_lights(&bake.header.basis, &look, console);
     let lamps = lamps(args, &bake, &look, console)?;
-    look.resolve(args.look.as_deref().and_then(Path::parent).unwrap_or(Path::new("")));
+    look.resolve(folder);
     let scene = args.scene.as_deref().map(|path| open(&bake.header, path, console)).transpose()?;
     let film = Film { width: bake.header.width, height: bake.header.height };
     let camera = scene.as_ref().map(|(_, camera)| camera.clone()).or_else(|| bake.header.view.clone());

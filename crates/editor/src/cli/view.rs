@@ -12,6 +12,7 @@ use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::{Lighting, LightingError, PanelRequest, SkyRequest};
 use clerestory_transport::import::{self, Choice, Imported};
 use clerestory_transport::lamp_units::assume_unitless;
+use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::photometry::assign;
 use clerestory_transport::prepared::PreparedScene;
@@ -76,12 +77,24 @@ pub(super) fn inputs_of(args: &ViewArgs) -> impl Iterator<Item = (&'static str, 
     sky.map(|file| ("sky", Path::new(file))).into_iter().chain(measured)
 }
 
-/// Refuses an output that would overwrite a look or a sky that it names.
+/// Refuses an output that would overwrite a look or a file that it names.
 pub(crate) fn spare_look(output: &Path, path: Option<&Path>, look: &Look) -> Result<()> {
     let Some(path) = path else { return Ok(()) };
+    spare_inputs(output, [("look", path)])?;
+    spare_named(output, path.parent().unwrap_or(Path::new("")), look)
+}
+
+/// The same of the files alone that a look in `folder` names: its skies, and what its lamps are measured by.
+pub(super) fn spare_named(output: &Path, folder: &Path, look: &Look) -> Result<()> {
     let skies = look.rigs().filter_map(|rig| rig.sky.as_ref()?.file.as_deref());
-    let skies: Vec<PathBuf> = skies.map(|file| path.parent().unwrap_or(Path::new("")).join(file)).collect();
-    spare_inputs(output, [("look", path)].into_iter().chain(skies.iter().map(|file| ("sky", file.as_path()))))
+    let skies = skies.map(|file| ("sky", folder.join(file)));
+    let lamps = look.rigs().flat_map(|rig| &rig.lamps);
+    let profiles = lamps.filter_map(|lamp| match &lamp.shape {
+        LampShape::Profile { file } => Some(("measured distribution", folder.join(file))),
+        _ => None,
+    });
+    let named: Vec<(&'static str, PathBuf)> = skies.chain(profiles).collect();
+    spare_inputs(output, named.iter().map(|(what, file)| (*what, file.as_path())))
 }
 
 /// Opens a scene for tracing under a sky, if any.

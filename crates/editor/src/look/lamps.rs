@@ -1,8 +1,10 @@
 //! The free lamps of a look, from JSON and back, and the profiles that they name.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow, bail};
+use clerestory_transport::basis::LightBasis;
 use clerestory_transport::import::read_profile;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, half_turn};
 use glam::Vec3;
@@ -57,11 +59,33 @@ impl Look {
         self.lights.lamps.len().saturating_add(n_more) <= MAX_LAMPS
     }
 
-    /// Takes a free lamp out, with its name and its places in groups. Answers what it was called.
+    /// Takes a free lamp out, with its places in groups, and with its name unless looks that were kept have it still. Answers what it was
+    /// called.
     pub fn remove_lamp(&mut self, key: &str) -> String {
         self.lights.lamps.retain(|lamp| lamp.key != key);
         groups::leave(&mut self.lights, key);
-        self.names.remove(key).unwrap_or_else(|| key.to_owned())
+        let name = self.name_of(key).to_owned();
+        if !self.rigs().any(|rig| rig.lamps.iter().any(|lamp| lamp.key == key)) {
+            self.names.remove(key);
+        }
+        name
+    }
+
+    /// Leaves out the lamps that are called as lights of a scene. Answers a sentence for each that looks have which were kept alone; of
+    /// those of the present look [`Look::unheeded`] tells.
+    pub fn leave_out_taken(&mut self, basis: &LightBasis) -> Vec<String> {
+        let is_taken = |lamp: &FreeLamp| basis.source(&lamp.key).is_some();
+        let own: BTreeSet<&str> = self.lights.lamps.iter().map(|lamp| lamp.key.as_str()).collect();
+        let kept = self.snapshots.iter().flat_map(|kept| &kept.lights.lamps).filter(|lamp| is_taken(lamp));
+        let lost: BTreeSet<&str> = kept.map(|lamp| lamp.key.as_str()).filter(|key| !own.contains(key)).collect();
+        let words = |key: &str| {
+            format!(
+                "looks that were kept have a lamp `{key}`, but a light of the scene has this name; it is left out there"
+            )
+        };
+        let words: Vec<String> = lost.into_iter().map(|key| self.renamed(&words(key))).collect();
+        self.rigs_mut().for_each(|rig| rig.lamps.retain(|lamp| !is_taken(lamp)));
+        words
     }
 }
 
@@ -262,7 +286,7 @@ fn degrees(rad: f32) -> f64 {
 mod tests {
     use std::f32::consts::PI;
 
-    use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
+    use clerestory_transport::basis::{LightSource, SourceKind};
     use clerestory_transport::light::LightSetting;
 
     use super::*;
@@ -418,6 +442,33 @@ mod tests {
         look.lights.lamps = all();
         let words = look.unheeded(&LightBasis::new(vec![source]));
         assert!(words.len() == 1 && words[0].contains("`Lamp 1`") && words[0].contains("rename"), "{words:?}");
+    }
+
+    #[test]
+    fn lamps_of_kept_looks_that_have_a_lights_name_are_left_out_and_told() {
+        let mut look = Look::default();
+        look.lights.lamps = vec![lamp("Sun", LampShape::Point)];
+        look.keep("Day");
+        look.lights.lamps.extend(["Desk", "Shelf"].map(|key| lamp(key, LampShape::Point)));
+        look.keep("Night");
+        look.lights.lamps.truncate(1);
+        let sources = [("Sun", 0..1), ("Desk", 1..2)];
+        let sources = sources.map(|(key, columns)| LightSource::plain(key, SourceKind::Point, columns));
+        let words = look.leave_out_taken(&LightBasis::new(sources.into()));
+        assert!(words.len() == 1 && words[0].contains("have a lamp `Desk`"), "of Sun `unheeded` tells: {words:?}");
+        let left: Vec<&str> = look.rigs().flat_map(|rig| &rig.lamps).map(|lamp| lamp.key.as_str()).collect();
+        assert_eq!(left, ["Shelf"]);
+    }
+
+    #[test]
+    fn a_lamp_that_is_deleted_keeps_its_name_in_looks_that_have_it_still() {
+        let mut look = Look::default();
+        look.lights.lamps = ["a", "b"].map(|key| lamp(key, LampShape::Point)).into();
+        look.names.extend([("a", "Desk"), ("b", "Shelf")].map(|(key, name)| (key.to_owned(), name.to_owned())));
+        look.keep("Day");
+        look.snapshots[0].lights.lamps.truncate(1);
+        assert_eq!(["a", "b"].map(|key| look.remove_lamp(key)), ["Desk", "Shelf"]);
+        assert_eq!((look.name_of("a"), look.name_of("b")), ("Desk", "b"));
     }
 
     #[test]

@@ -20,7 +20,7 @@ mod table;
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_transport::basis::LightBasis;
-use eframe::egui::{self, Align, ComboBox, Event, Key, Layout, Modifiers, Panel, Popup, RichText, TextEdit, Ui};
+use eframe::egui::{self, Align, ComboBox, Event, Key, Layout, Modifiers, Panel, RichText, TextEdit, Ui};
 use serde::{Deserialize, Serialize};
 
 use super::lamps::{LampChoice, LampState, Pick, add_button, missing_ui};
@@ -339,7 +339,7 @@ fn arrow_keys(ui: &Ui, mix: &mut Mix) {
     let focused = mix.state.focused.clone();
     let nothing_has_it = || ui.memory(|memory| memory.focused().is_none());
     let is_meant = focused.is_some() || !mix.state.selection.is_empty() && nothing_has_it();
-    if !is_meant || !hears_keys(ui) || Popup::is_any_open(ui.ctx()) {
+    if !is_meant || !hears_keys(ui) {
         return;
     }
     let step = |event: &Event| match event {

@@ -3,7 +3,7 @@
 use eframe::egui::gui_zoom::kb_shortcuts::{ZOOM_IN, ZOOM_OUT, ZOOM_RESET};
 use eframe::egui::os::OperatingSystem;
 use eframe::egui::text_selection::LabelSelectionState;
-use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers, Ui};
+use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers, Popup, Ui};
 
 use super::looks::cards::{WITH_KEY, take_keys as look_keys};
 use super::menu::{MENU, was_open};
@@ -63,7 +63,7 @@ pub fn full_screen(ctx: &Context) -> KeyboardShortcut {
 }
 
 /// Pushes what the keys that were pressed ask for. Keys that a text field wants stay with it; while a question waits for its answer they
-/// are for the question.
+/// are for the question, and those that act on what is chosen or seen are for nothing while a menu is open.
 pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
     if waits {
         let is_asked = ctx.input_mut(|input| input.consume_shortcut(&HELP));
@@ -95,6 +95,10 @@ pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
     take(&UNDO, Action::Undo);
     take(&REDO_TOO, Action::Redo);
     (0..WITH_KEY).for_each(|idx| take(&look_keys(idx), Action::TakeLook(idx)));
+    // What lies behind an open menu or picker stays as it is.
+    if Popup::is_any_open(ctx) {
+        return;
+    }
     take(&PLAY, Action::PlayTimeline);
     take(&FIT, Action::FitPicture);
     take(&FIT_TOO, Action::FitPicture);
@@ -114,9 +118,10 @@ pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
     }
 }
 
-/// Whether keys are for what is drawn there: neither for a text nor for a question in front of it.
+/// Whether keys are for what is drawn there: neither for a text nor for a question, a menu or a picker in front of it.
 pub fn hears_keys(ui: &Ui) -> bool {
-    !ui.text_edit_focused() && ui.memory(|memory| memory.allows_interaction(ui.layer_id()))
+    let is_behind = Popup::is_any_open(ui.ctx()) || !ui.memory(|memory| memory.allows_interaction(ui.layer_id()));
+    !ui.text_edit_focused() && !is_behind
 }
 
 /// Whether Escape was pressed and is for what is drawn there, and for no menu or list that it closes, nor for a text that it gives up.

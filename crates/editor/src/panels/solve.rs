@@ -76,8 +76,8 @@ const USUAL_SATURATION: f64 = 0.5;
 pub struct SolveView<'a> {
     /// What lights are called.
     pub look: &'a Look,
-    /// Keys of all lights that are not muted.
-    pub lights: Vec<String>,
+    /// Keys of all lights that are not muted; asked for where they are to be seen, as there may be many.
+    pub lights: &'a dyn Fn() -> Vec<String>,
     /// What a solution that was asked for waits for.
     pub busy: Option<&'static str>,
     /// Whether what was found is for other wishes than there are now.
@@ -337,19 +337,20 @@ fn curve_ui(ui: &mut Ui, name: &str, shown: Tone, own: &mut Option<Tone>) {
 }
 
 fn limits_ui(ui: &mut Ui, wishes: &mut Wishes, view: &SolveView) {
-    let n_free = view.lights.iter().filter(|key| !wishes.held.contains(*key)).count();
-    let title = format!("Lights to change ({n_free} of {})", view.lights.len());
+    let lights = (view.lights)();
+    let n_free = lights.iter().filter(|key| !wishes.held.contains(*key)).count();
+    let title = format!("Lights to change ({n_free} of {})", lights.len());
     CollapsingHeader::new(title).id_salt("free lights").show(ui, |ui| {
         ui.horizontal(|ui| {
             if ui.button("All").on_hover_text("All that are not muted").clicked() {
                 wishes.held.clear();
             }
             if ui.button("None").clicked() {
-                wishes.held = view.lights.iter().cloned().collect();
+                wishes.held = lights.iter().cloned().collect();
             }
         });
         ScrollArea::vertical().id_salt("free list").max_height(160.0).show(ui, |ui| {
-            for key in &view.lights {
+            for key in &lights {
                 let mut is_free = !wishes.held.contains(key);
                 let name = view.look.name_of(key);
                 let check = ui.add(Checkbox::new(&mut is_free, name)).accessible_name(format!("{name} may change"));

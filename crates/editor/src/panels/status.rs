@@ -178,7 +178,10 @@ fn lamps_ui(ui: &mut Ui, note: &LampNote, actions: &mut Vec<Action>) {
         LampNote::Lacking { caustics, mirrored } => {
             let words = if *caustics { "Lamps: without caustics" } else { "Lamps: without mirrored light" };
             let lines = caustics.then_some(NO_CAUSTICS).into_iter().chain(mirrored.iter().map(String::as_str));
-            ui.label(RichText::new(words).weak()).on_hover_text(lines.collect::<Vec<_>>().join("\n"));
+            let lines = lines.collect::<Vec<_>>().join("\n");
+            // A click tells it as well, to those who have no pointer that rests.
+            let menu = ui.menu_button(RichText::new(words).weak(), |ui| ui.label(lines.as_str()));
+            menu.response.on_hover_text(lines.as_str());
         }
         LampNote::Problem(why) => {
             ui.label(RichText::new("Lamps: one is dark").color(ui.visuals().error_fg_color)).on_hover_text(why);

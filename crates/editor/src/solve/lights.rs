@@ -92,11 +92,8 @@ impl Unknown {
 pub fn may_change(basis: &LightBasis, rig: &LightRig, is_known: impl Fn(&str) -> bool) -> Vec<String> {
     let is_muted = |key: &str| rig.setting(key).muted;
     let sources = basis.sources.iter().filter(|source| source.kind != SourceKind::Constant && !is_muted(&source.key));
-    let lamps = rig
-        .lamps
-        .iter()
-        .filter(|lamp| !is_muted(&lamp.key) && rig.setting(&lamp.key).intensity > 0.0 && is_known(&lamp.key));
-    sources.map(|source| source.key.clone()).chain(lamps.map(|lamp| lamp.key.clone())).collect()
+    let lamps = rig.shining_lamps().into_iter().filter(|lamp| lamp.setting.intensity > 0.0 && is_known(&lamp.key));
+    sources.map(|source| source.key.clone()).chain(lamps.map(|lamp| lamp.key)).collect()
 }
 
 /// The lights that a request lets change.

@@ -1,5 +1,6 @@
 //! Spots of light in the picture: which panel is under the pointer, and where a spot goes when it is dragged.
 
+use clerestory_transport::basis::{LightBasis, SourceKind};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::PanelEmitter;
 use clerestory_transport::light::PanelSpot;
@@ -59,6 +60,8 @@ pub struct PanelPicker<'a> {
     pub film: Film,
     /// Where the picture is drawn, points.
     pub image: Rect,
+    /// The lights that the picture is made of: a scene may have others by now.
+    pub baked: Option<&'a LightBasis>,
 }
 
 /// How far from a spot is looked where a side of its panel leads, in sides of it.
@@ -69,9 +72,22 @@ const SEEN: f32 = 0.5;
 const HANDLE_RADIUS: f32 = 7.0;
 
 impl PanelPicker<'_> {
-    fn panels(&self) -> impl Iterator<Item = (&str, &PanelEmitter)> {
+    fn all_panels(&self) -> impl Iterator<Item = (&str, &PanelEmitter)> {
         let sources = &self.scene.lighting.basis.sources;
         self.scene.lighting.panels().map(|(idx, panel)| (sources[idx].key.as_str(), panel))
+    }
+
+    /// Those that can be set.
+    fn panels(&self) -> impl Iterator<Item = (&str, &PanelEmitter)> {
+        self.all_panels().filter(move |(key, _)| self.is_baked(key))
+    }
+
+    /// Whether the picture knows a panel; spots of another one would change nothing in it.
+    fn is_baked(&self, key: &str) -> bool {
+        let is_panel = |basis: &LightBasis| {
+            basis.source(key).is_some_and(|source| matches!(source.kind, SourceKind::Panel { .. }))
+        };
+        self.baked.is_none_or(is_panel)
     }
 
     fn panel(&self, key: &str) -> Option<&PanelEmitter> {
@@ -95,13 +111,18 @@ impl PanelPicker<'_> {
         panel.double_sided || (self.camera.position() - panel.origin).dot(panel.normal) > 0.0
     }
 
-    /// The panel under the pointer that nothing hides, and where on it.
+    /// The panel under the pointer that can be set, and where on it.
     fn hit(&self, at: Pos2) -> Option<(&str, Vec2)> {
+        self.seen_under(at).filter(|(key, _)| self.is_baked(key))
+    }
+
+    /// The panel under the pointer that nothing hides, and where on it.
+    fn seen_under(&self, at: Pos2) -> Option<(&str, Vec2)> {
         if !self.image.contains(at) {
             return None;
         }
         let (origin, direction) = (self.camera.position(), self.ray(at));
-        let hits = self.panels().filter_map(|(key, panel)| Some((key, panel, panel.intersect(origin, direction)?)));
+        let hits = self.all_panels().filter_map(|(key, panel)| Some((key, panel, panel.intersect(origin, direction)?)));
         let (key, panel, (_, uv)) = hits.min_by(|a, b| a.2.0.total_cmp(&b.2.0))?;
         (self.scene.transmittance(origin, panel.point(uv)).max_element() > SEEN).then_some((key, uv))
     }
@@ -223,8 +244,10 @@ impl PanelPicker<'_> {
         if let Some((key, idx)) = self.handle(at, look) {
             return Some(format!("{}, spot {}, drag to move it", look.name_of(key), idx + 1));
         }
-        let (key, _) = self.hit(at)?;
-        let what = if !self.spots(key, look).is_empty() {
+        let (key, _) = self.seen_under(at)?;
+        let what = if !self.is_baked(key) {
+            "it is not in this bake"
+        } else if !self.spots(key, look).is_empty() {
             "drag to move the nearest spot, double-click to add one"
         } else {
             "drag to place a spot of light"

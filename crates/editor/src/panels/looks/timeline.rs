@@ -1,7 +1,7 @@
 //! The timeline: keys on a ruler, a playhead that is dragged or runs, and frames for files.
 
 use eframe::egui::{
-    self, Align2, Button, Color32, ComboBox, FontId, PointerButton, ProgressBar, Rect, Response, RichText, Sense,
+    self, Align2, Button, Color32, ComboBox, FontId, PointerButton, Pos2, ProgressBar, Rect, Response, RichText, Sense,
     Shape, Stroke, StrokeKind, Ui, pos2, vec2,
 };
 
@@ -302,6 +302,16 @@ fn track_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
     }
 }
 
+/// The key that a drag from `press` to the pointer takes: the nearest one. Of several at one time it is the first where the way leads back,
+/// else the last, so that each end of a cut can be had.
+fn taken(keys: &[Key], ruler: &Ruler, press: Pos2, pointer: Pos2) -> Option<usize> {
+    let distance = |key: &Key| (pos2(ruler.x(key.secs), ruler.rect.top() + LINE) - press).length();
+    let near = keys.iter().enumerate().filter(|(_, key)| distance(key) < 1.5 * REACH);
+    let (first, nearest) = near.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)))?;
+    let last = keys.iter().rposition(|key| key.secs == nearest.secs);
+    if pointer.x < press.x { Some(first) } else { last }
+}
+
 /// A press on a key drags it, Esc puts it back; elsewhere the playhead comes to the pointer.
 fn drag_ui(ui: &Ui, response: &Response, ruler: &Ruler, look: &mut Look, player: &mut Player) {
     // The toolkit ends the drag by the same key.
@@ -317,8 +327,7 @@ fn drag_ui(ui: &Ui, response: &Response, ruler: &Ruler, look: &mut Look, player:
     }
     if response.drag_started_by(PointerButton::Primary) {
         let press = ui.input(|input| input.pointer.press_origin()).unwrap_or(pointer);
-        let distance = |key: &Key| (pos2(ruler.x(key.secs), ruler.rect.top() + LINE) - press).length();
-        let held = look.timeline.keys.iter().position(|key| distance(key) < 1.5 * REACH);
+        let held = taken(&look.timeline.keys, ruler, press, pointer);
         player.dragged = held.map(|idx| HeldKey { idx, before: (idx, look.timeline.keys.clone()) });
         player.chosen = held.or(player.chosen);
     }
@@ -422,6 +431,18 @@ mod tests {
         assert_eq!(player.playhead, Some(0.0));
         player.step(&timeline, 1e6);
         assert_eq!(player.playhead, Some(2.0));
+    }
+
+    #[test]
+    fn of_keys_at_one_time_the_way_of_a_drag_tells_which_is_taken() {
+        let ruler = Ruler { rect: Rect::from_min_size(pos2(0.0, 0.0), vec2(624.0, HEIGHT)), secs: 6.0 };
+        let key = |(secs, look): (f32, &str)| Key { secs, look: look.into(), ease: Ease::Smooth };
+        let keys = [(0.0, "A"), (2.0, "B"), (2.0, "C"), (2.05, "D")].map(key);
+        let drag = |from_x: f32, way: f32| taken(&keys, &ruler, pos2(from_x, LINE), pos2(from_x + way, LINE));
+        let cut = ruler.x(2.0);
+        assert_eq!([drag(cut, -8.0), drag(cut, 8.0)], [Some(1), Some(2)]);
+        assert_eq!(drag(ruler.x(2.05), -8.0), Some(3), "the nearest one, though others are within reach");
+        assert_eq!(drag(ruler.x(4.0), 8.0), None);
     }
 
     #[test]
