@@ -329,10 +329,12 @@ fn who_duplicates_what_is_no_lamp_hears_why_there_is_no_copy() {
 fn a_light_in_whose_place_a_lamp_shines_is_made_movable_once_and_its_copies_shine() {
     let mut window = baked();
     make_movable(&mut window, "lamp");
-    let row = window.get_by_label("Mute lamp").rect();
-    let name = Pos2::new(row.right() + 20.0, row.center().y);
-    click_at(&mut window, name, Modifiers::NONE);
-    ask_for_menu(&mut window, name);
+    // What belongs to the chosen lamp stands in the list, and moves rows.
+    let name = |window: &Window| window.get_by_label("Mute lamp").rect().right_center() + vec2(20.0, 0.0);
+    let at = name(&window);
+    click_at(&mut window, at, Modifiers::NONE);
+    let at = name(&window);
+    ask_for_menu(&mut window, at);
     assert!(window.get_by_label("Make movable").accesskit_node().is_disabled());
     click(&mut window, "Duplicate");
     let [moved, copy] = &lamps(&window)[..] else { panic!("{:?}", lamps(&window)) };

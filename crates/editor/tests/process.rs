@@ -245,7 +245,8 @@ fn without_a_display_a_look_lights_the_scene_that_was_open_last() {
     std::fs::write(folder.path().join("old.transport"), "").unwrap();
     let output = run_after(&["old.transport", "room.gltf"]);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.code() == Some(1) && said.contains("old.transport --look evening.look -o OUT.png"), "{said}");
+    assert!(output.status.code() == Some(1) && said.contains("old.transport --look "), "{said}");
+    assert!(said.contains("evening.look -o OUT.png"), "{said}");
 }
 
 /// Some two dozen blocks.
