@@ -9,6 +9,9 @@ use rayon::prelude::*;
 use super::estimate::{most_tried, spread};
 use super::{Bake, Deadline, Run};
 
+/// What is kept for the end over what trying it took: blocks that are under way when time is up are waited for.
+const LATE: f32 = 1.1;
+
 impl Run<'_> {
     /// Where a bake has to end at a time, tries the end on a few blocks of the whole picture that there is now, and keeps so much of
     /// the time for it. Whether somebody still wants the bake.
@@ -57,7 +60,7 @@ impl Run<'_> {
             blocks.iter().for_each(|&block| some.blocks[block as usize].clone_from(&all.blocks[block as usize]));
         }
         Bake::packing(self.header.clone(), vec![some], self.focus)?;
-        let of_all = n_blocks as f32 / blocks.len().max(1) as f32;
+        let of_all = LATE * n_blocks as f32 / blocks.len().max(1) as f32;
         Some(begun.elapsed().mul_f32(of_all))
     }
 }
