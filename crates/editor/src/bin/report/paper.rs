@@ -3,7 +3,7 @@
 mod beside;
 mod columns;
 mod components;
-mod conference;
+pub mod conference;
 mod lights;
 mod noise;
 mod open;

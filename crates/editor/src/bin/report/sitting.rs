@@ -27,19 +27,55 @@ const TARGET_DB: f32 = 35.0;
 /// Names of the stages that end in a picture whose error is told: the preview, and 35 dB.
 const TO_PREVIEW: &str = "first preview";
 const TO_TARGET: &str = "35 dB told, or given up";
-/// Longest that is waited for it, seconds.
-const PATIENCE_SECS: u64 = 60;
+/// Longest that is waited for it, seconds; on a machine that is lent for minutes, and else.
+const PATIENCE_SECS: [u64; 2] = [20, 60];
+
+/// How a section sits.
+#[derive(Clone, Copy)]
+struct Manner<'a> {
+    section: &'a str,
+    plot: &'a str,
+    /// Sittings with each scene.
+    turns: u64,
+    patience_secs: u64,
+    /// Devices beside the CPU.
+    choice: DeviceChoice,
+    errors: Errors,
+}
+
+/// Which errors are there: what the program tells of itself, or also what is measured beside references.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Errors {
+    Told,
+    Measured,
+}
+
+/// What there was at a moment.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct Reached {
+    /// Seconds from opening.
+    secs: f64,
+    told_db: f64,
+    /// Where errors are measured.
+    measured_db: Option<f64>,
+}
 
 /// Stages with the seconds from opening at which they began and ended.
 #[derive(Serialize, Deserialize)]
 struct Sitting {
     stages: Vec<(String, [f64; 2])>,
-    /// Of each pass that came to its end, the preview first: when, seconds from opening, and the dB told and measured.
-    passes: Vec<[f64; 3]>,
-    /// The dB of what there was in the end, which may hold blocks of a pass more, told by the last pass and measured.
-    left_db: [f64; 2],
+    /// At the end of each pass that came to it, the preview first.
+    passes: Vec<Reached>,
+    /// When it was left, which may hold blocks of a pass more than the last one that told its error.
+    left: Reached,
     /// Devices with their drivers.
     devices: Vec<String>,
+}
+
+/// Time lines and tables of sittings, and the devices that took part.
+struct Sat {
+    text: String,
+    devices: String,
 }
 
 /// A time line and a table.
@@ -47,46 +83,86 @@ struct Sitting {
 /// # Errors
 /// If a scene cannot be baked, or a device fails.
 pub fn write(desk: &Desk) -> Result<String> {
-    let film = desk.choose(Film { width: 64, height: 48 }, Film { width: 512, height: 384 });
+    let (film, turns, patience_secs) = (film_of(desk), desk.choose(1, 3), PATIENCE_SECS[1]);
+    let (choice, errors) = (DeviceChoice::Any, Errors::Measured);
+    let manner = Manner { section: "sitting", plot: "sitting", turns, patience_secs, choice, errors };
+    let Sat { text, devices } = sat(desk, manner)?;
+    Ok(format!(
+        "## What a sitting costs\n\n\
+         {} × {} pixels, indirect light shared, seconds by the clock, median (least…greatest) of {turns} sittings, of seeds 1 to {turns}: how long a stage takes, and when it is\n\
+         over, counted from opening the file. It is refined pass by pass until a pass tells {TARGET_DB} dB at its end, after {patience_secs} s at the latest, where it is given up in the midst of a pass.\n\
+         Told is what the program says of itself at the end of a pass: the mean over all entries, below the columns' peaks. Measured is the median over columns, as of single lights in Error against\n\
+         time, with references of {} samples per pixel: a few lights that are worse than the others weigh in what is told and not in what is measured. A drag is one light set\n\
+         anew, relit and brought to the display. Devices: {devices}. {}\n{text}",
+        film.width,
+        film.height,
+        reference_spp(desk),
+        desk.load_words(),
+    ))
+}
+
+/// One sitting with each scene and the devices of a kind, with less patience and without references, as parts of a section.
+///
+/// # Errors
+/// As [`write()`].
+pub fn once(desk: &Desk, section: &str, choice: DeviceChoice) -> Result<String> {
+    let (film, plot, [patience_secs, usual_secs]) = (film_of(desk), format!("{section}-sitting"), PATIENCE_SECS);
+    let manner = Manner { section, plot: &plot, turns: 1, patience_secs, choice, errors: Errors::Told };
+    let Sat { text, devices } = sat(desk, manner)?;
+    Ok(format!(
+        "{} × {} pixels, one sitting of seed 1 with each scene, refined until a pass tells {TARGET_DB} dB, and given up after {patience_secs} s instead of {usual_secs} s. The dB are those that the program tells of itself;\n\
+         none are measured, since the references would have to be made for it. Devices: {devices}.\n{text}",
+        film.width, film.height,
+    ))
+}
+
+fn film_of(desk: &Desk) -> Film {
+    desk.choose(Film { width: 64, height: 48 }, Film { width: 512, height: 384 })
+}
+
+/// Sits with one scene after the other; each sitting is a part of the section.
+fn sat(desk: &Desk, manner: Manner<'_>) -> Result<Sat> {
     let own = |name: &str| Some(desk.root.join(format!("assets/scenes/{name}.glb")));
     let scenes = [
         ("diffuse", own("diffuse")),
         ("gallery", own("gallery")),
         ("conference", desk.shared("scenes/conference.glb")),
     ];
-    let (turns, mut panels, mut devices) = (desk.choose(1, 3), Vec::new(), Vec::new());
+    let (mut panels, mut devices) = (Vec::new(), Vec::new());
     let (mut rows, mut passes) = (String::new(), String::new());
     for (name, path) in scenes.into_iter().take(desk.choose(1, 3)) {
         let Some(path) = path else { continue };
         let mut sittings = Vec::new();
-        for turn in 0..turns {
-            sittings.push(desk.part("sitting", &format!("{name}-{turn}"), || {
+        for turn in 0..manner.turns {
+            sittings.push(desk.part(manner.section, &format!("sitting-{name}-{turn}"), || {
                 desk.say(&format!("a sitting with {name}, turn {}", turn + 1));
-                sitting(desk, &path, film, turn)
+                sitting(desk, &path, turn, manner)
             })?);
         }
         let Some(first) = sittings.first() else { continue };
-        rows += &stage_rows(name, &sittings);
-        passes += &pass_rows(name, &sittings);
+        rows += &stage_rows(name, &sittings, manner.errors);
+        passes += &pass_rows(name, &sittings, manner.errors);
         devices.clone_from(&first.devices);
         panels.push(panel(name, first));
     }
-    Ok(format!(
-        "## What a sitting costs\n\n\
-         {} × {} pixels, indirect light shared, seconds by the clock, median (least…greatest) of {turns} sittings, of seeds 1 to {turns}: how long a stage takes, and when it is\n\
-         over, counted from opening the file. It is refined pass by pass until a pass tells {TARGET_DB} dB at its end, after {PATIENCE_SECS} s at the latest, where it is given up in the midst of a pass.\n\
-         Told is what the program says of itself at the end of a pass: the mean over all entries, below the columns' peaks. Measured is the median over columns, as of single lights in Error against\n\
-         time, with references of {} samples per pixel: a few lights that are worse than the others weigh in what is told and not in what is measured. A drag is one light set\n\
-         anew, relit and brought to the display. Devices: {}. {}\n{}\n| scene | stage | s | over after, s | dB measured |\n|---|---|---|---|---|\n{rows}\n\
-         The passes of these sittings, as far as they came to their end:\n\n\
-         | scene | pass | over after, s | dB told | dB measured |\n|---|---|---|---|---|\n{passes}",
-        film.width,
-        film.height,
-        reference_spp(desk),
-        if devices.is_empty() { "none".into() } else { devices.join("; ") },
-        desk.load_words(),
-        desk.plot("sitting", "the first sitting with each scene as a time line", &panels)?,
-    ))
+    let text = format!(
+        "{}\n{}{rows}\nThe passes of these sittings, as far as they came to their end:\n\n{}{passes}",
+        desk.plot(manner.plot, "the first sitting with each scene as a time line", &panels)?,
+        header(["scene", "stage", "s", "over after, s"], manner.errors),
+        header(["scene", "pass", "over after, s", "dB told"], manner.errors),
+    );
+    Ok(Sat { text, devices: if devices.is_empty() { "none".into() } else { devices.join("; ") } })
+}
+
+/// What errors are measured beside, where they are.
+fn reference(desk: &Desk, path: &Path, scene: &PreparedScene, errors: Errors) -> Result<Option<Reference>> {
+    match errors {
+        Errors::Told => Ok(None),
+        Errors::Measured => {
+            desk.say("measuring its errors");
+            Ok(Some(Reference::new(desk, &[path], scene, sampling(desk, film_of(desk)))?))
+        }
+    }
 }
 
 /// Samples per pixel of each half of a reference, and which pixels are compared, as in Error against time, which may have the very same.
@@ -98,51 +174,74 @@ fn reference_spp(desk: &Desk) -> u32 {
     desk.choose(16, 64)
 }
 
-fn stage_rows(name: &str, sittings: &[Sitting]) -> String {
+/// The head of a table, with a column of what is measured where that is done.
+fn header(cells: [&str; 4], errors: Errors) -> String {
+    let line = match errors {
+        Errors::Told => "|---|---|---|---|\n",
+        Errors::Measured => "|---|---|---|---|---|\n",
+    };
+    row(cells.map(String::from), "dB measured".into(), errors) + line
+}
+
+/// A row of such a table.
+fn row(cells: [String; 4], measured: String, errors: Errors) -> String {
+    let cells = cells.join(" | ");
+    match errors {
+        Errors::Told => format!("| {cells} |\n"),
+        Errors::Measured => format!("| {cells} | {measured} |\n"),
+    }
+}
+
+fn stage_rows(name: &str, sittings: &[Sitting], errors: Errors) -> String {
     let stages = sittings.first().map_or(&[][..], |first| first.stages.as_slice());
-    let row = |(nth, (stage, _)): (usize, &(String, [f64; 2]))| {
+    let stage_row = |(nth, (stage, _)): (usize, &(String, [f64; 2]))| {
         let of = |what: fn([f64; 2]) -> f64| -> Vec<f64> {
             sittings.iter().filter_map(|sitting| Some(what(sitting.stages.get(nth)?.1))).collect()
         };
         let (told, measured) = match stage.as_str() {
-            TO_PREVIEW => (String::new(), of_passes(sittings, 0, 2)),
+            TO_PREVIEW => (String::new(), of_passes(sittings, 0, |reached| reached.measured_db)),
             TO_TARGET => {
-                let of = |which: usize| sittings.iter().map(|sitting| sitting.left_db[which]).collect::<Vec<f64>>();
-                (format!(": {} dB told", tenths(of(0))), of(1))
+                let told = sittings.iter().map(|sitting| sitting.left.told_db).collect();
+                let measured = sittings.iter().filter_map(|sitting| sitting.left.measured_db).collect();
+                (format!(": {} dB told", tenths(told)), measured)
             }
             _ => (String::new(), Vec::new()),
         };
-        format!(
-            "| {name} | {stage}{told} | {} | {} | {} |\n",
-            spread_words(of(|[from, to]| to - from)),
-            spread_words(of(|[_, to]| to)),
-            if measured.is_empty() { String::new() } else { tenths(measured) },
-        )
+        let (taken, over) = (spread_words(of(|[from, to]| to - from)), spread_words(of(|[_, to]| to)));
+        row([name.to_string(), format!("{stage}{told}"), taken, over], measured_words(measured), errors)
     };
-    stages.iter().enumerate().map(row).collect()
+    stages.iter().enumerate().map(stage_row).collect()
+}
+
+/// Nothing where nothing is measured.
+fn measured_words(measured: Vec<f64>) -> String {
+    if measured.is_empty() { String::new() } else { tenths(measured) }
 }
 
 /// One of the numbers of a pass, of those sittings that came to its end.
-fn of_passes(sittings: &[Sitting], pass: usize, which: usize) -> Vec<f64> {
-    sittings.iter().filter_map(|sitting| Some(sitting.passes.get(pass)?[which])).collect()
+fn of_passes(sittings: &[Sitting], pass: usize, which: fn(&Reached) -> Option<f64>) -> Vec<f64> {
+    sittings.iter().filter_map(|sitting| which(sitting.passes.get(pass)?)).collect()
 }
 
-fn pass_rows(name: &str, sittings: &[Sitting]) -> String {
+fn pass_rows(name: &str, sittings: &[Sitting], errors: Errors) -> String {
     let n_passes = sittings.iter().map(|sitting| sitting.passes.len()).max().unwrap_or(0);
-    let row = |pass: usize| {
-        let [secs, told, measured] = [0, 1, 2].map(|which| of_passes(sittings, pass, which));
+    let pass_row = |pass: usize| {
+        let secs = of_passes(sittings, pass, |reached| Some(reached.secs));
+        let told = of_passes(sittings, pass, |reached| Some(reached.told_db));
+        let measured = of_passes(sittings, pass, |reached| reached.measured_db);
         let what = if pass == 0 { "preview".into() } else { pass.to_string() };
         let n = match secs.len() {
             n if n < sittings.len() => format!(", {n} of {} sittings", sittings.len()),
             _ => String::new(),
         };
-        format!("| {name} | {what}{n} | {} | {} | {} |\n", spread_words(secs), tenths(told), tenths(measured))
+        let cells = [name.to_string(), format!("{what}{n}"), spread_words(secs), tenths(told)];
+        row(cells, measured_words(measured), errors)
     };
-    (0..n_passes).map(row).collect()
+    (0..n_passes).map(pass_row).collect()
 }
 
-fn sitting(desk: &Desk, path: &Path, film: Film, turn: u64) -> Result<Sitting> {
-    let begun = Instant::now();
+fn sitting(desk: &Desk, path: &Path, turn: u64, manner: Manner<'_>) -> Result<Sitting> {
+    let (film, begun) = (film_of(desk), Instant::now());
     let mut stages: Vec<(String, [f64; 2])> = Vec::new();
     let mut note = |stage: &str, from: Instant, to: Instant| {
         stages.push((stage.into(), [from, to].map(|at| at.duration_since(begun).as_secs_f64())));
@@ -155,7 +254,7 @@ fn sitting(desk: &Desk, path: &Path, film: Film, turn: u64) -> Result<Sitting> {
     note("prepare", read, prepared);
 
     let config = BakeConfig { indirect: Indirect::Shared, seed: turn + 1, ..BakeConfig::default() };
-    let passes = Passes::Until(Instant::now() + Duration::from_secs(PATIENCE_SECS));
+    let passes = Passes::Until(Instant::now() + Duration::from_secs(manner.patience_secs));
     let camera = scene.scene.cameras[0].clone();
     let job = BakeJob { scene: scene.clone(), camera, film, config, passes, irradiance: Vec::new() };
     let mut told_db = 0.0;
@@ -185,7 +284,7 @@ fn sitting(desk: &Desk, path: &Path, film: Film, turn: u64) -> Result<Sitting> {
     std::hint::black_box(encode(&shown, &display));
     let mut last = Instant::now();
     note("first drag on the CPU", ready, last);
-    for gpu in &Gpu::all_headless(DeviceChoice::Any) {
+    for gpu in &Gpu::all_headless(manner.choice) {
         let mut device = GpuRelighter::new(gpu, &frame)?;
         device.relight_to_texture(&rig(1.0), &display)?;
         gpu.wait()?;
@@ -204,17 +303,19 @@ fn sitting(desk: &Desk, path: &Path, film: Film, turn: u64) -> Result<Sitting> {
     clerestory(&["relight", &transport, "-o", &picture, "--device", "cpu", "--json"])?;
     note("export, reading the bake", saved, Instant::now());
 
-    desk.say("measuring its errors");
-    let reference = Reference::new(desk, &[path], &scene, sampling(desk, film))?;
-    let measured = |groups: &[BlockLowRank]| {
-        let errors = reference.errors(&reference.rows_of(&bake.header, groups));
-        errors.median_db().context("no light of the scene lights anything")
+    let reference = reference(desk, path, &scene, manner.errors)?;
+    let reached = |ended: Instant, told_db: f32, groups: &[BlockLowRank]| {
+        let measured = |reference: &Reference| {
+            let errors = reference.errors(&reference.rows_of(&bake.header, groups));
+            errors.median_db().context("no light of the scene lights anything")
+        };
+        let measured_db = reference.as_ref().map(measured).transpose()?;
+        let secs = ended.duration_since(begun).as_secs_f64();
+        Ok::<_, anyhow::Error>(Reached { secs, told_db: f64::from(told_db), measured_db })
     };
-    let of_pass = |Pass { ended, told_db, groups }: &Pass| -> Result<[f64; 3]> {
-        Ok([ended.duration_since(begun).as_secs_f64(), f64::from(*told_db), measured(groups)?])
-    };
+    let of_pass = |pass: &Pass| reached(pass.ended, pass.told_db, &pass.groups);
     let passes = baked.passes.iter().map(of_pass).collect::<Result<Vec<_>>>()?;
-    Ok(Sitting { stages, passes, left_db: [f64::from(told_db), measured(&bake.groups)?], devices })
+    Ok(Sitting { stages, passes, left: reached(baked.ended, told_db, &bake.groups)?, devices })
 }
 
 /// A device in a few words: its name as far as it has no parentheses, and the interface that its driver speaks.
@@ -229,8 +330,12 @@ fn panel(name: &str, sitting: &Sitting) -> Panel {
         points: vec![[*from, -(nth as f64)], [*to, -(nth as f64)]],
         is_joined: true,
     };
+    let (db, how) = match sitting.left.measured_db {
+        Some(db) => (db, "measured"),
+        None => (sitting.left.told_db, "told"),
+    };
     Panel {
-        title: format!("{name} (left at {:.0} dB measured)", sitting.left_db[1]),
+        title: format!("{name} (left at {db:.0} dB {how})"),
         x: Axis { label: "seconds from opening", scale: Scale::Log },
         y: Axis { label: "stage after stage", scale: Scale::Order },
         series: sitting.stages.iter().enumerate().map(bar).collect(),
@@ -241,29 +346,54 @@ fn panel(name: &str, sitting: &Sitting) -> Panel {
 mod tests {
     use super::*;
 
-    #[test]
-    fn what_is_told_and_what_is_measured_stand_apart() {
-        let sitting = |secs: f64, n_passes: usize| Sitting {
+    fn example(secs: f64, n_passes: usize, errors: Errors) -> Sitting {
+        let reached = |secs: f64, told_db: f64, db: f64| {
+            let measured_db = (errors == Errors::Measured).then_some(db);
+            Reached { secs, told_db, measured_db }
+        };
+        Sitting {
             stages: [(TO_PREVIEW, [0.0, 1.0]), (TO_TARGET, [1.0, secs]), ("save the bake", [secs, secs + 1.0])]
                 .map(|(stage, ends)| (stage.to_string(), ends))
                 .into(),
-            passes: [[1.0, 12.0, 20.0], [9.0, 30.0, 35.5]][..n_passes].to_vec(),
-            left_db: [30.0, 36.5],
+            passes: [reached(1.0, 12.0, 20.0), reached(9.0, 30.0, 35.5)][..n_passes].to_vec(),
+            left: reached(secs, 30.0, 36.5),
             devices: Vec::new(),
-        };
-        let sittings = [sitting(60.0, 2), sitting(60.0, 2), sitting(62.0, 1)];
-        let rows = stage_rows("hall", &sittings);
+        }
+    }
+
+    #[test]
+    fn what_is_told_and_what_is_measured_stand_apart() {
+        let errors = Errors::Measured;
+        let sittings = [(60.0, 2), (60.0, 2), (62.0, 1)].map(|(secs, n_passes)| example(secs, n_passes, errors));
+        let rows = stage_rows("hall", &sittings, errors);
         assert!(rows.contains("| hall | first preview | 1.0 (1.0…1.0) | 1.0 (1.0…1.0) | 20.0 (20.0…20.0) |"), "{rows}");
         assert!(
             rows.contains("given up: 30.0 (30.0…30.0) dB told | 59 (59…61) | 60 (60…62) | 36.5 (36.5…36.5) |"),
             "{rows}"
         );
         assert!(rows.contains("| save the bake | 1.0 (1.0…1.0) | 61 (61…63) |  |"), "{rows}");
-        let rows = pass_rows("hall", &sittings);
+        let rows = pass_rows("hall", &sittings, errors);
         assert!(
             rows.contains("| hall | 1, 2 of 3 sittings | 9.0 (9.0…9.0) | 30.0 (30.0…30.0) | 35.5 (35.5…35.5) |"),
             "{rows}"
         );
+    }
+
+    #[test]
+    fn where_nothing_is_measured_no_column_is_left_for_it() {
+        let (errors, sittings) = (Errors::Told, [example(20.0, 2, Errors::Told)]);
+        assert_eq!(header(["a", "b", "c", "d"], errors), "| a | b | c | d |\n|---|---|---|---|\n");
+        let rows = stage_rows("hall", &sittings, errors);
+        assert!(rows.contains("| hall | 35 dB told, or given up: 30.0 dB told | 19 | 20 |\n"), "{rows}");
+        assert_eq!(
+            pass_rows("hall", &sittings, errors),
+            "| hall | preview | 1.0 | 12.0 |\n| hall | 1 | 9.0 | 30.0 |\n"
+        );
+        assert_eq!(panel("hall", &sittings[0]).title, "hall (left at 30 dB told)");
+        // What an interrupted run has written down can be read again.
+        let kept = serde_json::to_string(&sittings[0]).unwrap();
+        let sitting: Sitting = serde_json::from_str(&kept).unwrap();
+        assert!(sitting.left.measured_db.is_none() && sitting.passes.len() == 2, "{kept}");
     }
 
     #[test]

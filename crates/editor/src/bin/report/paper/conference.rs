@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use clerestory::compare::{compare, white_level};
-use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
+use clerestory_relight::{CpuRelighter, DeviceChoice, Frame, Radiance, Relight};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
 use clerestory_transport::camera::Film;
 use clerestory_transport::import;
@@ -16,7 +16,7 @@ use clerestory_transport::light::{LightRig, LightSetting};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::trace::TraceConfig;
 
-use self::frames::{Frames, Racers};
+use self::frames::{Frames, Racers, alone};
 use super::SEED;
 use crate::desk::Desk;
 use crate::errors::psnr_db;
@@ -30,6 +30,8 @@ const FRAMES: usize = 25;
 const AMPLIFIED: f32 = 10.0;
 /// What the bake is asked for, that of a bake that is told nothing.
 const TOLERANCE_DB: f32 = 40.0;
+/// The room, in a folder that not everybody has.
+const ROOM: &str = "scenes/conference.glb";
 /// Of both pictures that the last frame is held against.
 const TRACE_SEEDS: [u64; 2] = [SEED + 1, SEED + 2];
 
@@ -38,17 +40,39 @@ const TRACE_SEEDS: [u64; 2] = [SEED + 1, SEED + 2];
 /// # Errors
 /// If the scene cannot be baked, or a device fails.
 pub(super) fn write(desk: &Desk) -> Result<String> {
-    let Some(path) = desk.shared("scenes/conference.glb") else { return Ok(String::new()) };
+    let Some(path) = desk.shared(ROOM) else { return Ok(String::new()) };
     let (text, sheet): (String, Vec<u8>) = desk.part("paper", "conference", || measured(desk, &path))?;
     let words = "the conference room: full matrix, ours, ten times the difference";
     Ok(text + &desk.show("paper-conference.jpg", words, &sheet)?)
 }
 
+/// The same frames by ours alone, on the CPU and on each device of a kind, as a part of another section.
+///
+/// # Errors
+/// If the scene cannot be baked, or a device fails.
+pub fn on_devices(desk: &Desk, section: &str, choice: DeviceChoice) -> Result<String> {
+    let Some(path) = desk.shared(ROOM) else { return Ok(String::new()) };
+    desk.part::<String>(section, "conference", || {
+        let ((film, spp), scene) = (size(desk), prepared(&path)?);
+        desk.say("baking the conference room");
+        let bake = baked(&job(&scene, film, spp), false)?;
+        desk.say("relighting it");
+        let frame = Frame { width: film.width, height: film.height, groups: bake.groups.clone() };
+        let table = alone(&bake, &frame, &rigs(&scene), choice)?;
+        Ok(format!(
+            "`conference`, {} columns, {} × {} pixels, {spp} samples of each (seed {SEED}), asked for {TOLERANCE_DB} dB and not denoised; all lights change their strength and color in each of\n\
+             {FRAMES} frames, after one that does not count. Milliseconds by the clock, median (least…greatest): on the CPU until the radiance is there, on a device until the picture\n\
+             for the display is, waited for. The full matrix is left out.\n\n{table}",
+            bake.header.basis.n_cols(),
+            film.width,
+            film.height,
+        ))
+    })
+}
+
 /// The text, and the bytes of the sheet.
 fn measured(desk: &Desk, path: &Path) -> Result<(String, Vec<u8>)> {
-    let (film, spp) = desk.choose((Film { width: 128, height: 96 }, 4), (Film { width: 1024, height: 768 }, 32));
-    let scene = import::load(path).with_context(|| format!("cannot load {}", path.display()))?.scene;
-    let scene = Arc::new(PreparedScene::new(scene, &[])?.0);
+    let ((film, spp), scene) = (size(desk), prepared(path)?);
     let job = job(&scene, film, spp);
     desk.say("baking the conference room");
     let bake = baked(&job, false)?;
@@ -61,7 +85,7 @@ fn measured(desk: &Desk, path: &Path) -> Result<(String, Vec<u8>)> {
     let dense = Planes::new(&Picture { width, height, n_cols, values: uncompressed(&job, &header, &pixels) });
 
     let frame = |bake: &Bake| Frame { width: film.width, height: film.height, groups: bake.groups.clone() };
-    let rigs: Vec<LightRig> = (0..=FRAMES).map(|nth| rig(&scene, nth)).collect();
+    let rigs = rigs(&scene);
     let racers = Racers { basis: &scene.lighting.basis, bake: &bake, frame: frame(&bake), dense: &dense };
     let Frames { table, psnr_db: of_frames, shown, full } = racers.race(desk, &rigs)?;
     let last = rigs.last().context("there are frames")?;
@@ -90,6 +114,16 @@ fn measured(desk: &Desk, path: &Path) -> Result<(String, Vec<u8>)> {
     Ok((text, jpeg_below(white, &pictures.map(|(name, picture)| (name, averaged(&picture, side))))?))
 }
 
+/// Of the picture, and samples of each pixel.
+fn size(desk: &Desk) -> (Film, u32) {
+    desk.choose((Film { width: 128, height: 96 }, 4), (Film { width: 1024, height: 768 }, 32))
+}
+
+fn prepared(path: &Path) -> Result<Arc<PreparedScene>> {
+    let scene = import::load(path).with_context(|| format!("cannot load {}", path.display()))?.scene;
+    Ok(Arc::new(PreparedScene::new(scene, &[])?.0))
+}
+
 fn job(scene: &Arc<PreparedScene>, film: Film, spp: u32) -> BakeJob {
     let (tolerance_db, seed) = (TOLERANCE_DB, SEED);
     let config = BakeConfig { spp, tolerance_db, seed, ..BakeConfig::default() };
@@ -100,6 +134,11 @@ fn job(scene: &Arc<PreparedScene>, film: Film, spp: u32) -> BakeJob {
 fn baked(job: &BakeJob, denoise: bool) -> Result<Bake> {
     let job = BakeJob { config: BakeConfig { denoise, ..job.config.clone() }, ..job.clone() };
     job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")
+}
+
+/// One to get ready with, then that of each frame.
+fn rigs(scene: &PreparedScene) -> Vec<LightRig> {
+    (0..=FRAMES).map(|nth| rig(scene, nth)).collect()
 }
 
 /// All lights other than before.

@@ -45,6 +45,50 @@ struct Way {
     n_bytes: Option<usize>,
 }
 
+impl Way {
+    fn new(name: String) -> Way {
+        Way { name, millis: Vec::new(), n_bytes: None }
+    }
+}
+
+/// Ours, ready on the CPU and on each device of a kind.
+struct Ours<'a> {
+    bake: &'a Bake,
+    cpu: CpuRelighter,
+    gpus: Vec<Gpu>,
+    devices: Vec<GpuRelighter>,
+    /// What the CPU made last.
+    shown: Radiance,
+}
+
+impl<'a> Ours<'a> {
+    fn new(bake: &'a Bake, frame: &Frame, choice: DeviceChoice) -> Result<Ours<'a>> {
+        let gpus = Gpu::all_headless(choice);
+        let devices = gpus.iter().map(|gpu| GpuRelighter::new(gpu, frame)).collect::<Result<Vec<_>, _>>()?;
+        Ok(Ours { bake, cpu: CpuRelighter::new(frame)?, gpus, devices, shown: Radiance::default() })
+    }
+
+    /// The CPU first, without any frames.
+    fn ways(&self) -> Vec<Way> {
+        let mut ways = vec![Way::new("ours on the CPU".into())];
+        ways.extend(self.gpus.iter().map(|gpu| Way::new(format!("ours on {}", gpu.description()))));
+        ways
+    }
+
+    /// The milliseconds of a frame by each of them.
+    fn relit(&mut self, rig: &LightRig) -> Result<Vec<f64>> {
+        let (header, display) = (&self.bake.header, DisplayParams::default());
+        let mut taken = vec![millis(|| Ok(self.cpu.relight(&header.coefficients(rig), &mut self.shown)?))?];
+        for (gpu, device) in self.gpus.iter().zip(&mut self.devices) {
+            taken.push(millis(|| {
+                device.relight_to_texture(&header.coefficients(rig), &display)?;
+                Ok(gpu.wait()?)
+            })?);
+        }
+        Ok(taken)
+    }
+}
+
 impl Racers<'_> {
     /// Every way in turn with every rig but the first, which all get ready with.
     ///
@@ -53,49 +97,58 @@ impl Racers<'_> {
     pub(super) fn race(&self, desk: &Desk, rigs: &[LightRig]) -> Result<Frames> {
         let (first, rigs) = rigs.split_first().context("there are frames")?;
         desk.say("relighting it");
-        let (mut shown, mut full) = (Radiance::default(), Radiance::default());
-        let mut cpu = CpuRelighter::new(&self.frame)?;
-        let mut ours = |rig: &LightRig, shown: &mut Radiance| {
-            let millis = millis(|| Ok(cpu.relight(&self.bake.header.coefficients(rig), shown)?))?;
-            Ok::<_, anyhow::Error>((millis, cpu.stats().n_bytes as usize))
-        };
+        let mut ours = Ours::new(self.bake, &self.frame, DeviceChoice::Any)?;
+        let mut full = Radiance::default();
         let dense = |rig: &LightRig, full: &mut Radiance| {
             millis(|| {
                 self.dense.relight(&self.basis.project(rig), full);
                 Ok(())
             })
         };
-        let all = Gpu::all_headless(DeviceChoice::Any);
-        let mut devices = all.iter().map(|gpu| GpuRelighter::new(gpu, &self.frame)).collect::<Result<Vec<_>, _>>()?;
-        let display = DisplayParams::default();
-        let mut on_device = |nth: usize, rig: &LightRig| {
-            millis(|| {
-                devices[nth].relight_to_texture(&self.bake.header.coefficients(rig), &display)?;
-                Ok(all[nth].wait()?)
-            })
-        };
-        ours(first, &mut shown)?;
+        ours.relit(first)?;
         dense(first, &mut full)?;
-        (0..all.len()).try_for_each(|nth| on_device(nth, first).map(drop))?;
 
-        let named = |name: String| Way { name, millis: Vec::new(), n_bytes: None };
-        let mut ways = vec![named("ours on the CPU".into()), named("full matrix on the CPU".into())];
-        ways.extend(all.iter().map(|gpu| named(format!("ours on {}", gpu.description()))));
+        let mut ways = ours.ways();
+        ways.insert(1, Way::new("full matrix on the CPU".into()));
         let probe = ReadProbe::new(desk.choose(64 << 20, 1 << 30));
-        let (mut memory, mut psnr_db, n_written) =
-            (0f64, 0.0, RADIANCE_BYTES * (self.frame.width * self.frame.height) as usize);
+        let (mut memory, mut psnr_db) = (0f64, 0.0);
         for rig in rigs {
-            let (millis, n_read) = ours(rig, &mut shown)?;
-            ways[0].millis.push(millis);
-            ways[0].n_bytes = Some(n_read + n_written);
-            ways[1].millis.push(dense(rig, &mut full)?);
+            let mut taken = ours.relit(rig)?;
+            taken.insert(1, dense(rig, &mut full)?);
+            ways.iter_mut().zip(taken).for_each(|(way, millis)| way.millis.push(millis));
             memory = memory.max(probe.bytes_per_sec(u64::MAX));
-            psnr_db += compare(&shown, &full)?.psnr_db.unwrap_or(BEST_DB) / rigs.len() as f64;
-            (0..all.len()).try_for_each(|nth| on_device(nth, rig).map(|millis| ways[2 + nth].millis.push(millis)))?;
+            psnr_db += compare(&ours.shown, &full)?.psnr_db.unwrap_or(BEST_DB) / rigs.len() as f64;
         }
+        let n_written = RADIANCE_BYTES * (self.frame.width * self.frame.height) as usize;
+        ways[0].n_bytes = Some(ours.cpu.stats().n_bytes as usize + n_written);
         ways[1].n_bytes = Some(self.dense.n_bytes() + n_written);
-        Ok(Frames { table: table(&ways, memory), psnr_db, shown, full })
+        Ok(Frames { table: table(&ways, memory), psnr_db, shown: ours.shown, full })
     }
+}
+
+/// Ours alone on the CPU and on each device of a kind, as a table: every rig but the first, which all get ready with.
+///
+/// # Errors
+/// If a frame cannot be relit.
+pub(super) fn alone(bake: &Bake, frame: &Frame, rigs: &[LightRig], choice: DeviceChoice) -> Result<String> {
+    let (first, rigs) = rigs.split_first().context("there are frames")?;
+    let mut ours = Ours::new(bake, frame, choice)?;
+    ours.relit(first)?;
+    let mut ways = ours.ways();
+    for rig in rigs {
+        ways.iter_mut().zip(ours.relit(rig)?).for_each(|(way, millis)| way.millis.push(millis));
+    }
+    Ok(table_of_times(&ways))
+}
+
+/// All ways by their times alone.
+fn table_of_times(ways: &[Way]) -> String {
+    let row = |way: &Way| {
+        let word = median(&way.millis).map_or("not measured", |millis| PAPER.word(millis));
+        format!("| {} | {} | {word} |\n", way.name, spread_words(way.millis.clone()))
+    };
+    let head = "| what | ms per frame | under 1 s, as the paper |\n|---|---|---|\n";
+    head.to_string() + &ways.iter().map(row).collect::<String>()
 }
 
 fn millis(work: impl FnOnce() -> Result<()>) -> Result<f64> {
@@ -161,5 +214,12 @@ mod tests {
         assert!(told.ends_with("\n| slow | 1500 (1400…1600) | — | — | — | missed |\n"), "{told}");
         let ahead = beside(&[way("ours", &[6.0], Some(60)), way("full", &[3.0], Some(180))]);
         assert!(ahead.ends_with("is ahead of it: ours takes 2.0 times as long."), "{ahead}");
+    }
+
+    #[test]
+    fn ways_are_told_by_their_times_where_nothing_is_known_of_their_bytes() {
+        let way = |name: &str, millis: &[f64]| Way { millis: millis.to_vec(), ..Way::new(name.into()) };
+        let told = table_of_times(&[way("ours", &[2.0, 1.0, 3.0]), way("slow", &[1500.0])]);
+        assert!(told.ends_with("\n| ours | 2.0 (1.0…3.0) | kept |\n| slow | 1500 | missed |\n"), "{told}");
     }
 }
