@@ -159,6 +159,9 @@ fn measured(desk: &Desk, (section, of): (&str, &str), subjects: Vec<Subject>) ->
     for (class, what, file) in CHAPTERS {
         let panels = scenes.iter().map(|(subject, measured)| panel(subject, measured, class));
         let panels: Vec<Panel> = panels.filter(|panel| !panel.series.is_empty()).collect();
+        if panels.is_empty() {
+            continue;
+        }
         text += &format!("\n### {what}{of}\n");
         text +=
             &desk.plot(&format!("{section}-{file}"), &format!("{what}: error against CPU time, by scene"), &panels)?;
