@@ -382,6 +382,11 @@ pub fn is_look(path: &Path) -> bool {
     ends_in(path, &["look"])
 }
 
+/// Whether a file is a bake.
+pub fn is_transport(path: &Path) -> bool {
+    ends_in(path, &["transport"])
+}
+
 fn ends_in(path: &Path, endings: &[&str]) -> bool {
     path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
 }

@@ -13,6 +13,7 @@ use clerestory_transport::irradiance::IrradianceRows;
 use clerestory_transport::lamps::FreeLamp;
 use serde_json::json;
 
+use crate::action::is_transport;
 use crate::app::without_window;
 use crate::cli::args::{BakeOptions, ViewArgs};
 use crate::cli::bake::{BakeTimes, baked, job, merge, open_stack, run_with_progress, stack_job};
@@ -107,10 +108,6 @@ fn refuse_bake(scene: Option<&Path>, look: Option<&Path>, reason: &str) -> Resul
             "{reason}, and {bake} is baked already; `clerestory relight {bake} -o OUT.png` lights it, with --look FILE.look in another way"
         ),
     }
-}
-
-fn is_transport(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("transport"))
 }
 
 /// Why a scene is the one that a look is shown with.

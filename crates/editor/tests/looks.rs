@@ -18,7 +18,7 @@ use eframe::egui::{
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{
-    Dropped, Kept, Window, ask_for, baked, click, drag, open_again, room, save_as, type_over, wait, wait_until,
+    Dropped, Kept, Window, ask_for, baked, click, drag, open_again, pull, room, save_as, type_over, wait, wait_until,
 };
 
 fn names(window: &Window) -> Vec<&str> {
@@ -682,14 +682,7 @@ fn esc_puts_back_a_key_of_the_timeline_or_a_look_that_is_dragged() {
     let key = window.query_all_by_label_contains("Key 2: Look 2 at").next().unwrap().rect().center();
     let [second, first] = ["Look Look 2", "Look Look"].map(|card| area_of(&window, card));
     for (from, to, is_key) in [(key, key - vec2(200.0, 0.0), true), (second.center(), first.left_center(), false)] {
-        window.hover_at(from);
-        window.run_steps(2);
-        window.drag_at(from);
-        window.run_steps(2);
-        for step in 1..=5 {
-            window.hover_at(from + (to - from) * (step as f32 / 5.0));
-            window.run_steps(2);
-        }
+        pull(&mut window, from, to);
         assert_eq!(*window.state().look() != before, is_key, "a look goes where it is dropped");
         window.key_press(Key::Escape);
         window.run_steps(2);

@@ -23,8 +23,8 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
 use desk::{
-    Dropped, Kept, Window, ask_for, ask_for_menu, baked, click, click_at, drag, on_screen, open, open_with, quick,
-    reach, room, save_as, wait,
+    Dropped, Kept, Window, ask_for, ask_for_menu, baked, click, click_at, drag, on_screen, open, open_with, pull,
+    quick, reach, room, save_as, wait,
 };
 
 #[test]
@@ -484,17 +484,7 @@ fn a_spot_that_is_dragged_goes_finely_with_shift_and_back_with_escape() {
     drag(&mut window, from, to);
     let placed = window.state().look().clone();
     let u = |window: &Window| window.state().look().lights.panels["panel"][0].position[0];
-    let begin = |window: &mut Window| {
-        window.hover_at(to);
-        window.run_steps(2);
-        window.drag_at(to);
-        window.run_steps(2);
-        for step in 1..=5 {
-            window.hover_at(to + (from - to) * (step as f32 / 5.0));
-            window.run_steps(2);
-        }
-    };
-    begin(&mut window);
+    pull(&mut window, to, from);
     assert!((u(&window) - 0.25).abs() < 0.02, "{}", u(&window));
     window.key_press(Key::Escape);
     window.run_steps(2);
@@ -506,7 +496,7 @@ fn a_spot_that_is_dragged_goes_finely_with_shift_and_back_with_escape() {
     assert_eq!(*window.state().look(), placed, "a drag that was put back is over");
 
     window.event(Event::ModifiersChanged(Modifiers::SHIFT));
-    begin(&mut window);
+    pull(&mut window, to, from);
     window.drop_at(from);
     window.event(Event::ModifiersChanged(Modifiers::NONE));
     window.run_steps(3);

@@ -284,6 +284,21 @@ mod tests {
         assert!((day - Vec3::ONE).abs().max_element() < 0.06, "{day}");
     }
 
+    /// A point lamp, in whose place a light of the file is off or none is.
+    fn lamp(key: &str, replaces: Option<&str>) -> FreeLamp {
+        FreeLamp {
+            key: key.to_owned(),
+            shape: LampShape::Point,
+            position: Vec3::ZERO,
+            aim: Vec3::NEG_Y,
+            strength: 1.0,
+            unit: LampUnit::Candela,
+            setting: LightSetting::default(),
+            turn_rad: 0.0,
+            replaces: replaces.map(str::to_owned),
+        }
+    }
+
     #[test]
     fn groups_turn_their_lights_on_top_of_what_each_is_set_to() {
         let group = |lights: &[&str], intensity, muted| LightGroup {
@@ -298,17 +313,7 @@ mod tests {
         assert_eq!((rig.setting("a").intensity, rig.setting("b").intensity), (6.0, 0.5));
         assert_eq!((rig.setting("c"), rig.own_setting("a").intensity), (LightSetting::default(), 3.0));
         let mut with_lamp = rig.clone();
-        with_lamp.lamps.push(FreeLamp {
-            key: "b".into(),
-            shape: LampShape::Point,
-            position: Vec3::ZERO,
-            aim: Vec3::NEG_Y,
-            strength: 1.0,
-            unit: LampUnit::Candela,
-            setting: LightSetting::default(),
-            turn_rad: 0.0,
-            replaces: None,
-        });
+        with_lamp.lamps.push(lamp("b", None));
         assert_eq!(with_lamp.take_lamps()[0].setting.intensity, 0.5);
         assert_eq!(with_lamp.setting("b").intensity, 1.0, "it was counted");
         rig.groups.insert("dark".into(), group(&["b"], 1.0, true));
@@ -319,19 +324,8 @@ mod tests {
 
     #[test]
     fn lights_in_whose_place_lamps_shine_are_replaced_while_they_are_off() {
-        let mut rig = LightRig::default();
-        let lamp = |key: &str, replaces: Option<&str>| FreeLamp {
-            key: key.to_owned(),
-            shape: LampShape::Point,
-            position: Vec3::ZERO,
-            aim: Vec3::NEG_Y,
-            strength: 1.0,
-            unit: LampUnit::Candela,
-            setting: LightSetting::default(),
-            turn_rad: 0.0,
-            replaces: replaces.map(str::to_owned),
-        };
-        rig.lamps = vec![lamp("1", Some("off")), lamp("2", Some("on")), lamp("3", Some("off")), lamp("4", None)];
+        let lamps = vec![lamp("1", Some("off")), lamp("2", Some("on")), lamp("3", Some("off")), lamp("4", None)];
+        let mut rig = LightRig { lamps, ..LightRig::default() };
         for key in ["off", "alone"] {
             rig.set(key, LightSetting { muted: true, ..LightSetting::default() });
         }

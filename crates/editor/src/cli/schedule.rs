@@ -12,6 +12,7 @@ use serde_json::json;
 use super::args::ScheduleArgs;
 use super::console::{Answer, Console};
 use super::view::{load_bake, load_look, load_scene, or_of_file, panels, spare_look, warn_of_unknown_lights};
+use crate::action::is_transport;
 use crate::legend::number_words;
 use crate::output::{PendingFile, spare_inputs};
 use crate::schedule::Schedule;
@@ -21,7 +22,7 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
     spare_inputs(&args.output, [("input", args.file.as_path())])?;
     spare_look(&args.output, args.look.as_deref(), &look)?;
     let place = PendingFile::create(&args.output)?;
-    let is_bake = args.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("transport"));
+    let is_bake = is_transport(&args.file);
     let (basis, scene) = if is_bake {
         let bake = load_bake(&args.file)?;
         ensure!(!bake.header.basis.is_measured(), "{} is of pictures, whose lights are no lamps", args.file.display());

@@ -27,6 +27,7 @@ use super::found::FoundScene;
 use super::glimpse::{self, Glimpse};
 use super::room::all_threads;
 use super::{Chosen, ChosenSky, Wake};
+use crate::action::is_transport;
 use crate::bake_cache::{BakeCache, Found};
 use crate::crash;
 use crate::export_gltf::Lit;
@@ -234,7 +235,7 @@ pub(super) fn load(source: Source, mut chosen: Chosen, stop: &Stop) -> Result<Lo
     let imported = match source {
         Source::BuiltIn => import::load_bytes_until("Gallery", GALLERY, Skips::default(), stop)?,
         Source::Bytes { name, bytes } => import::load_bytes_until(&name, &bytes, Skips::default(), stop)?,
-        Source::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("transport")) => {
+        Source::File(path) if is_transport(&path) => {
             return Ok(Loaded::Bake(archive::read_within(memory_bytes(), &path)?));
         }
         Source::File(path) if path.is_dir() => return Ok(Loaded::Stack(ImageStack::open(&path)?)),

@@ -123,8 +123,8 @@ pub fn click_at(window: &mut Window, at: Pos2) {
     window.run_steps(4);
 }
 
-/// Drags from one point to another in small steps.
-pub fn drag(window: &mut Window, from: Pos2, to: Pos2) {
+/// Takes something at one point and pulls it to another in small steps, without letting go.
+pub fn pull(window: &mut Window, from: Pos2, to: Pos2) {
     window.hover_at(from);
     window.run_steps(2);
     window.drag_at(from);
@@ -133,6 +133,11 @@ pub fn drag(window: &mut Window, from: Pos2, to: Pos2) {
         window.hover_at(from + (to - from) * (step as f32 / 5.0));
         window.run_steps(2);
     }
+}
+
+/// Drags from one point to another in small steps.
+pub fn drag(window: &mut Window, from: Pos2, to: Pos2) {
+    pull(window, from, to);
     window.drop_at(to);
     window.run_steps(3);
 }

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use clerestory_nystrom::{BlockLowRank, Partition};
 use rayon::prelude::*;
 
-use super::estimate::{most_tried, spread};
-use super::{Bake, Deadline, Run};
+use super::estimate::{most_tried, sizes, spread};
+use super::{Deadline, Run};
 
 /// What is kept for the end over what trying it took: blocks that are under way when time is up are waited for.
 const LATE: f32 = 1.1;
@@ -49,19 +49,20 @@ impl Run<'_> {
         let partition = self.header.partition();
         let n_blocks = partition.n_blocks();
         let blocks = spread(n_blocks, most_tried());
+        let of_all = n_blocks as f32 / blocks.len().max(1) as f32;
         let groups = &self.matrices[0];
         let begun = Instant::now();
         if let Some(denoiser) = likenesses.as_ref().map(|likenesses| likenesses.denoiser(self.job)) {
             let known = |group: usize, block_idx: usize| groups[group].blocks[block_idx].clone();
             blocks.par_iter().for_each(|&block| drop(denoiser.block(block as usize, known)));
         }
+        let denoising_secs = begun.elapsed().as_secs_f32() * of_all;
         let mut some = self.header.empty_groups();
         for (some, all) in some.iter_mut().zip(groups) {
             blocks.iter().for_each(|&block| some.blocks[block as usize].clone_from(&all.blocks[block as usize]));
         }
-        Bake::packing(self.header.clone(), vec![some], self.focus)?;
-        let of_all = LATE * n_blocks as f32 / blocks.len().max(1) as f32;
-        Some(begun.elapsed().mul_f32(of_all))
+        let (packing_secs, _) = sizes(self.header, &[some], &[partition], self.focus)?;
+        Some(Duration::from_secs_f32(LATE * (denoising_secs + packing_secs)))
     }
 }
 

@@ -212,7 +212,7 @@ fn thread_bytes(n_cols: usize, side: u32) -> u64 {
 
 /// Bytes of all blocks of all matrices.
 #[derive(Clone, Copy, Default)]
-struct Sizes {
+pub(super) struct Sizes {
     /// In memory.
     factors: u64,
     /// In the file.
@@ -255,7 +255,7 @@ fn n_there(group: &BlockLowRank) -> usize {
 }
 
 /// Packs what was tried, counted for all blocks, and the seconds that packing all of them will take.
-fn sizes(
+pub(super) fn sizes(
     header: &Arc<super::BakeHeader>,
     matrices: &[Vec<BlockLowRank>],
     partitions: &[Partition],
