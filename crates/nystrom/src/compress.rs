@@ -9,10 +9,11 @@ use crate::{
     column_errors::column_errors,
     factors::BlockFactors,
     landmarks::Selection,
+    level::Level,
     matrix::{SampledMatrix, SparseEntry},
     means::Means,
     partition::Partition,
-    project::factor,
+    project::{factor, factor_levelled},
     random::Random,
     rivals::{self, Method, MethodError},
     run::Run,
@@ -300,11 +301,16 @@ pub(crate) fn unpacked(
     let rng = || Random::new([config.seed, u64::from(block_idx)]);
     let plain = factor(means, samples.bundle_len, group, config, rng());
     let asked = !matches!(group.tolerance, Tolerance::Rank(_)) && plain.error() > allowed(means, group.tolerance);
+    if !asked || means.is_exact() {
+        return Ok(plain);
+    }
+    let level = Level::new(means, allowed(means, group.tolerance));
+    let (levelled, error) = factor_levelled((means, &level), samples.bundle_len, group, config, rng());
     let nth = config.groups.iter().position(|other| other.columns == group.columns);
-    let (Some(smoothing), Some(nth), true) = (&config.smoothing, nth, asked) else { return Ok(plain) };
-    let (smooth, held_out_error) = smoothing.of_block(block_idx, nth).factor(means, group, config, rng());
+    let (Some(smoothing), Some(nth)) = (&config.smoothing, nth) else { return Ok(levelled) };
+    let (smooth, held_out_error) = smoothing.of_block(block_idx, nth).factor((means, &level), group, config, rng());
     // Never worse than without, as far as the halves tell.
-    Ok(if held_out_error < plain.error() { smooth } else { plain })
+    Ok(if held_out_error < error { smooth } else { levelled })
 }
 
 /// Takes over the columns of a group.

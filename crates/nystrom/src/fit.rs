@@ -1,8 +1,13 @@
 //! Orthonormal bases, and what both halves of a block are in them.
 
-use crate::{dense::Dense, product::product};
+use crate::{
+    dense::{Dense, eigen},
+    level::Level,
+    product::product,
+};
 
 /// An orthonormal right basis, and both halves' coefficients in it.
+#[derive(Clone)]
 pub(crate) struct Fit {
     /// Components × columns.
     pub(crate) basis: Dense<f32>,
@@ -29,6 +34,24 @@ impl Fit {
     /// Every entry, of one half's coefficients or other ones.
     pub(crate) fn of(&self, coefficients: &Dense<f32>) -> Dense<f32> {
         product(coefficients.view(), self.basis.view())
+    }
+
+    /// The fit of divided columns as one of the columns themselves, whose basis is orthonormal again, the largest component of the mean
+    /// first.
+    pub(crate) fn multiplied(&self, level: &Level) -> Fit {
+        let wide = level.multiplied(&self.basis).to_f64();
+        let (values, vectors) = eigen(&product(wide.view(), wide.t()));
+        let scaled = |power: f64| {
+            let scale = |(i, x): (usize, &f64)| x * values[i % values.len()].powf(power);
+            Dense { data: vectors.data.iter().enumerate().map(scale).collect(), ..vectors }
+        };
+        let (root, inverse) = (scaled(0.5), scaled(-0.5));
+        let met = product(self.mean().to_f64().view(), root.view());
+        let (_, turn) = eigen(&product(met.t(), met.view()));
+        let coefficients = product(root.view(), turn.view());
+        let turned = |half: &Dense<f32>| product(half.to_f64().view(), coefficients.view()).to_f32();
+        let basis = product(product(inverse.view(), turn.view()).t(), wide.view()).to_f32();
+        Fit { basis, a: turned(&self.a), b: turned(&self.b), n_landmarks: self.n_landmarks }
     }
 
     /// Keeps at most `count` components: those that a single half made up come last. Returns how many are left.

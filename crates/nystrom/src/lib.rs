@@ -66,6 +66,7 @@ mod kmeans;
 pub mod landmarks;
 #[cfg(test)]
 mod laws;
+mod level;
 pub mod low_rank;
 pub mod matrix;
 mod means;

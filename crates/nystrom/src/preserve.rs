@@ -6,7 +6,7 @@
 //! does not, the residual is the noise of a few columns, which would drown the others if it were spread over all: there the
 //! change of each column counts beside its own noise.
 
-use crate::{dense::Dense, fit::Fit, means::Means};
+use crate::{dense::Dense, fit::Fit, level::Level, means::Means};
 
 /// Least share of the product that the basis must hold to carry a change of it.
 pub(crate) const LEAST_SHARE: f64 = 0.25;
@@ -16,13 +16,14 @@ pub(crate) type Added = [f64; 2];
 
 /// Changes `left` (rows × components of `fit`, the mean's own coefficients) so that its product with `direction` equals the
 /// mean's, and its noise `doubt` accordingly. A basis that hardly holds what that takes gets it as a component of its own. `goal` is the mean square error per
-/// entry that is allowed, 0 where a rank is asked for.
+/// entry that is allowed, 0 where a rank is asked for. What is handed back counts in the columns themselves, where those of `means` are divided.
 pub(crate) fn preserve(
     means: &Means,
     fit: &mut Fit,
     [left, doubt]: [&mut Dense<f32>; 2],
     direction: &[f32],
     goal: f64,
+    level: Option<&Level>,
 ) -> Added {
     let norm = direction.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
     if norm == 0.0 || !norm.is_finite() || means.mean.data.iter().all(|&x| x == 0.0) {
@@ -38,10 +39,13 @@ pub(crate) fn preserve(
     }
     if change.share >= LEAST_SHARE {
         change.make(means, [left, doubt], &sampled);
-        return added;
+        return added.map(|x| x * times(level, &change.kept(fit)));
     }
-    let [truncation, sampling] = append(means, fit, [&mut *left, &mut *doubt], &change);
-    let spread = Change::new(fit, &unit, change.row).make(means, [left, doubt], &sampled);
+    let added = append(means, fit, [&mut *left, &mut *doubt], &change);
+    let last: Vec<f64> = fit.basis.row(fit.basis.n_rows - 1).iter().map(|x| f64::from(*x)).collect();
+    let [truncation, sampling] = added.map(|x| x * times(level, &last));
+    let change = Change::new(fit, &unit, change.row);
+    let spread = change.make(means, [left, doubt], &sampled) * times(level, &change.kept(fit));
     [truncation, sampling + spread]
 }
 
@@ -71,6 +75,15 @@ impl Change {
     /// Square of the change of a row for one unit of the product.
     fn square(&self) -> f64 {
         inner(self.held.iter().copied(), &self.held) / (self.share * self.share)
+    }
+
+    /// The row that is left of it in the basis.
+    fn kept(&self, fit: &Fit) -> Vec<f64> {
+        let mut row = vec![0.0; fit.basis.n_cols];
+        for (r, held) in self.held.iter().enumerate() {
+            row.iter_mut().zip(fit.basis.row(r)).for_each(|(x, v)| *x += held * f64::from(*v));
+        }
+        row
     }
 
     /// Mean squares per entry that it adds, from the products of both halves' rows with the direction; infinite where the basis
@@ -140,6 +153,12 @@ fn append(means: &Means, fit: &mut Fit, [left, doubt]: [&mut Dense<f32>; 2], cha
     widen(left, a.iter().zip(&b).map(|(a, b)| 0.5 * (a + b)));
     widen(doubt, a.iter().zip(&b).map(|(a, b)| 0.5 * (a - b)));
     added.map(|sum| sum / means.n_entries())
+}
+
+/// How many times the square of a row of divided columns counts in the columns themselves.
+fn times(level: Option<&Level>, row: &[f64]) -> f64 {
+    let own = inner(row.iter().copied(), row);
+    level.filter(|_| own > 0.0).map_or(1.0, |level| level.square(row) / own)
 }
 
 /// The product of each row with a vector.

@@ -13,8 +13,9 @@ use crate::{
     compress::{ColumnGroup, CompressConfig, Tolerance, shade},
     dense::{Dense, eigen},
     fit::Fit,
+    level::Level,
     means::Means,
-    measure::{Measured, ROUNDING, least_agreement},
+    measure::{Measured, PACKING, ROUNDING, held_out, least_agreement},
     preserve::preserve,
     product::{coefficients, combinations, power_step, product},
     random::Random,
@@ -46,7 +47,7 @@ pub(crate) fn factor(
     let measured = measured(means, [&of_a, &of_b], tolerance, config);
     of_mean.keep(measured.rank);
     let (mut left, mut doubt) = (of_mean.mean(), of_mean.doubt());
-    let added = preserve(means, &mut of_mean, [&mut left, &mut doubt], preserved, allowed(means, tolerance));
+    let added = preserve(means, &mut of_mean, [&mut left, &mut doubt], preserved, allowed(means, tolerance), None);
     Unpacked {
         left,
         doubt,
@@ -56,6 +57,52 @@ pub(crate) fn factor(
         sampling: measured.sampling + added[1],
         noise: means.noise_per_entry(),
         packing: measured.packing,
+    }
+}
+
+/// The same where noise is in the way, found in divided columns; and the held-out error in these.
+pub(crate) fn factor_levelled(
+    (means, level): (&Means, &Level),
+    bundle_len: usize,
+    group: &ColumnGroup,
+    config: &CompressConfig,
+    rng: Random,
+) -> (Unpacked, f64) {
+    let tolerance = group.tolerance.shaded(means, config.bright, group.share);
+    let mut fits: [Fit; 3] = fitted(&level.means, bundle_len, tolerance, config, rng);
+    let measured = measured(&level.means, [&fits[0], &fits[1]], tolerance, config);
+    fits.iter_mut().for_each(|fit| _ = fit.keep(measured.rank));
+    let factors = multiplied((means, level), &fits, [&means.a, &means.b], (group, tolerance));
+    (factors, measured.truncation + measured.sampling)
+}
+
+/// The factors of columns from fits of these divided, and their error from what the fits of both halves leave of `halves`.
+pub(crate) fn multiplied(
+    (means, level): (&Means, &Level),
+    fits: &[Fit; 3],
+    halves: [&Dense<f32>; 2],
+    (group, tolerance): (&ColumnGroup, Tolerance),
+) -> Unpacked {
+    let [of_a, of_b] = [&fits[0], &fits[1]].map(|fit| fit.multiplied(level));
+    let [truncation, sampling] =
+        held_out(halves, &[of_a.of(&of_a.a), of_b.of(&of_b.b)]).map(|sum| sum / means.n_entries());
+    let mut of_mean = fits[2].clone();
+    let (mut left, mut doubt) = (of_mean.mean(), of_mean.doubt());
+    let (direction, goal) = (level.combination(&group.preserved), allowed(means, tolerance));
+    let added = preserve(&level.means, &mut of_mean, [&mut left, &mut doubt], &direction, goal, Some(level));
+    let both = |sign: f32| left.data.iter().zip(&doubt.data).map(|(x, noise)| x + sign * noise).collect();
+    (of_mean.a, of_mean.b) = (Dense { data: both(1.0), ..left }, Dense { data: both(-1.0), ..left });
+    let of_mean = of_mean.multiplied(level);
+    let left = of_mean.mean();
+    Unpacked {
+        doubt: of_mean.doubt(),
+        right: of_mean.basis,
+        unit: means.unit,
+        truncation: truncation + added[0],
+        sampling: sampling + added[1],
+        noise: means.noise_per_entry(),
+        packing: PACKING * left.inner_product(&left) / means.n_entries(),
+        left,
     }
 }
 

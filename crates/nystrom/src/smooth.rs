@@ -17,14 +17,13 @@ use crate::{
     cosine::{Cosines, Direction},
     dense::Dense,
     fit::Fit,
+    level::Level,
     means::Means,
     measure::held_out,
     packed::ColumnRun,
     partition::Partition,
-    preserve::preserve,
-    project::{fitted, measured},
+    project::{fitted, measured, multiplied},
     random::Random,
-    sketch::allowed,
     unpacked::Unpacked,
 };
 
@@ -112,43 +111,32 @@ pub(crate) struct Smoother<'a> {
 type Band = [f64; 3];
 
 impl Smoother<'_> {
-    /// The factors of a smoothed block, and its held-out error: fits to one smoothed half examined by the other half as it was
+    /// The factors of a smoothed block, and its held-out error in divided columns: fits to one smoothed half examined by the other half as it was
     /// sampled. That is unbiased, and in one block mostly noise where much was smoothed away. So what the factors *tell* is
     /// what their rank leaves of the smoothed halves, and what weights are expected to lose of a signal, `w (1 − w)` of the
     /// noise of their band.
     pub(crate) fn factor(
         self,
-        means: &Means,
+        (means, level): (&Means, &Level),
         group: &ColumnGroup,
         config: &CompressConfig,
         rng: Random,
     ) -> (Unpacked, f64) {
-        let [a, b] = [&means.a, &means.b].map(|half| self.forward(half));
-        let (smooth, lost) = self.smoothed(&a, &b, means.unit);
+        let [a, b] = [&level.means.a, &level.means.b].map(|half| self.forward(half));
+        let (mut smooth, lost) = self.smoothed(&a, &b, means.unit);
         let tolerance = group.tolerance.shaded(means, config.bright, group.share);
         let mut fits: [Fit; 3] = fitted(&smooth, self.smoothing.bundle_len, tolerance, config, rng);
         let rank = measured(&smooth, [&fits[0], &fits[1]], tolerance, config).rank;
         fits.iter_mut().for_each(|fit| _ = fit.keep(rank));
-        let [of_a, of_b, of_mean] = fits;
-        let fits = [of_a.of(&of_a.a), of_b.of(&of_b.b)];
-        let per_entry = |sums: [f64; 2]| sums.map(|sum| sum / means.n_entries());
-        let held_out_error: f64 = per_entry(held_out([&a, &b], &fits)).iter().sum();
-        let [left_out, sampling] = per_entry(held_out([&smooth.a, &smooth.b], &fits));
+        let [of_a, of_b, _] = &fits;
+        let held_out_error = held_out([&a, &b], &[of_a.of(&of_a.a), of_b.of(&of_b.b)]).iter().sum::<f64>();
 
-        let mut fit = self.back(of_mean);
-        let (mut left, mut doubt) = (fit.mean(), fit.doubt());
-        let added = preserve(means, &mut fit, [&mut left, &mut doubt], &group.preserved, allowed(means, tolerance));
-        let factors = Unpacked {
-            left,
-            doubt,
-            right: fit.basis,
-            unit: means.unit,
-            truncation: left_out.max(0.0) + lost / means.n_entries() + added[0],
-            sampling: sampling + added[1],
-            noise: means.noise_per_entry(),
-            packing: 0.0,
-        };
-        (factors, held_out_error + added.iter().sum::<f64>())
+        let fits = fits.map(|fit| self.back(fit));
+        let halves = [&mut smooth.a, &mut smooth.b].map(|half| level.multiplied(self.inverse(half)));
+        let mut factors = multiplied((means, level), &fits, halves.each_ref(), (group, tolerance));
+        let lost = lost * means.noise_per_entry() / level.means.noise_per_entry().max(f64::MIN_POSITIVE);
+        factors.truncation = factors.truncation.max(0.0) + lost / means.n_entries();
+        (factors, held_out_error / means.n_entries())
     }
 
     /// Both halves and their mean, each band multiplied with the share of its energy that is no noise, and the energy that
@@ -209,6 +197,13 @@ impl Smoother<'_> {
         self.rows(&mut out.data, half.n_cols, Direction::Forward);
         (0..out.n_rows).for_each(|row| self.columns(out.row_mut(row), Direction::Forward));
         out
+    }
+
+    /// The block itself from its coefficients.
+    fn inverse(self, half: &mut Dense<f32>) -> &Dense<f32> {
+        (0..half.n_rows).for_each(|row| self.columns(half.row_mut(row), Direction::Inverse));
+        self.rows(&mut half.data, half.n_cols, Direction::Inverse);
+        half
     }
 
     /// A fit of the transformed block as one of the block itself.
