@@ -35,6 +35,9 @@ pub enum Tolerance {
     Rank(u32),
 }
 
+/// How many times what is allowed the noise of samples is that only divided columns are looked at.
+const HOPELESS: f64 = 8.0;
+
 /// Least share of a tolerance that is left to a dark block: 12 dB narrower.
 const LEAST_SHADE: f64 = 1.0 / 16.0;
 
@@ -299,13 +302,21 @@ pub(crate) fn unpacked(
         return Ok(Unpacked::verbatim(means));
     }
     let rng = || Random::new([config.seed, u64::from(block_idx)]);
-    let plain = factor(means, samples.bundle_len, group, config, rng());
-    let asked = !matches!(group.tolerance, Tolerance::Rank(_)) && plain.error() > allowed(means, group.tolerance);
-    if !asked || means.is_exact() {
-        return Ok(plain);
+    let goal = allowed(means, group.tolerance);
+    let is_asked = !matches!(group.tolerance, Tolerance::Rank(_)) && !means.is_exact();
+    let is_hopeless = is_asked && means.noise_per_entry() > HOPELESS * goal;
+    if !is_hopeless {
+        let plain = factor(means, samples.bundle_len, group, config, rng());
+        if !is_asked || plain.error() <= goal {
+            return Ok(plain);
+        }
     }
-    let level = Level::new(means, allowed(means, group.tolerance));
+    let level = Level::new(means, goal);
     let (levelled, error) = factor_levelled((means, &level), samples.bundle_len, group, config, rng());
+    // Where rare bright samples are the noise, what is left out may seem less than nothing.
+    if levelled.truncation.max(0.0) + levelled.sampling <= goal {
+        return Ok(levelled);
+    }
     let nth = config.groups.iter().position(|other| other.columns == group.columns);
     let (Some(smoothing), Some(nth)) = (&config.smoothing, nth) else { return Ok(levelled) };
     let (smooth, held_out_error) = smoothing.of_block(block_idx, nth).factor((means, &level), group, config, rng());
