@@ -101,7 +101,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          ### Compression\n\n\
          {} × {} pixels × 256 texels, {} samples per pixel in two halves, asked for {TOLERANCE_DB} dB: one thing at a time left out or done otherwise. Error of single\n\
          texels in dB against {} samples with another seed, their noise taken out as both halves tell it (no error is told as less than a tenth of it); bytes of the picture's matrix; milliseconds of one core per block, factors +\n\
-         bytes. Seeds {SEED} and {}. {}\n\n\
+         bytes. Seeds {SEED} and {}, each row measured once. {}\n\n\
          A right basis that all blocks share is made for its row alone, of as many vectors as leave a quarter of what is allowed; its bytes, one an entry, are\n\
          counted, and its milliseconds are among those of the bytes. [Decision 0040](decisions/0040-no-right-basis-is-shared.md) tells what it does for 4096 columns.\n\n\
          | scene | what | dB | kB | mean rank | ms |\n|---|---|---|---|---|---|\n{rows}{samples}",

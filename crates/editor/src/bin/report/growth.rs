@@ -31,6 +31,8 @@ struct Bench {
     size: [u32; 2],
     spp: u32,
     bounces: Option<u32>,
+    /// Those of a bake in a process of its own; as many as the machine has where none are told.
+    threads: Option<usize>,
 }
 
 /// What one bake took, again and again.
@@ -58,17 +60,19 @@ const LEAST_POINTS: usize = 3;
 /// Something that grows: its name, its values, and how it changes the bench.
 type Growth = (&'static str, &'static [u32], fn(&mut Bench, u32) -> f64);
 
-const QUICK: [Growth; 4] = [
+const QUICK: [Growth; 5] = [
     ("pixels", &[64, 128, 256], pixels),
     ("columns", &[4, 8, 16], columns),
     ("triangles", &[1_000, 10_000, 100_000], triangles),
     ("bounces", &[0, 1, 2, 4], bounces),
+    ("threads", &[1, 2, 4], on_threads),
 ];
-const FULL: [Growth; 4] = [
+const FULL: [Growth; 5] = [
     ("pixels", &[292, 576, 1152, 2304, 3264], pixels),
     ("columns", &[4, 8, 16, 32, 64], columns),
     ("triangles", &[1_000, 10_000, 100_000, 1_000_000, 5_000_000], triangles),
     ("bounces", &[0, 1, 2, 4, 8, 16], bounces),
+    ("threads", &[1, 2, 4, 8, 16], on_threads),
 ];
 
 fn pixels(bench: &mut Bench, width: u32) -> f64 {
@@ -91,13 +95,18 @@ fn bounces(bench: &mut Bench, n: u32) -> f64 {
     f64::from(n)
 }
 
+fn on_threads(bench: &mut Bench, n: u32) -> f64 {
+    bench.threads = Some(n as usize);
+    f64::from(n)
+}
+
 /// Lets one thing after the other grow.
 ///
 /// # Errors
 /// If a bake fails, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
     let size = desk.choose([64, 48], [128, 96]);
-    let bench = Bench { triangles: 100_000, side: 8, size, spp: desk.choose(4, 8), bounces: None };
+    let bench = Bench { triangles: 100_000, side: 8, size, spp: desk.choose(4, 8), bounces: None, threads: None };
     let (mut rows, mut panels, turns) = (String::new(), Vec::new(), desk.choose(TURNS[0], TURNS[1]));
     for (what, values, set) in desk.choose(QUICK, FULL) {
         let mut costs = Vec::new();
@@ -122,7 +131,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     let mut text = format!(
         "## Growth\n\n\
          A generated hall of {} triangles under a panel of 8 × 8 texels, {} × {} pixels, {} samples of each, indirect light traced, roulette alone ends\n\
-         paths; then one thing after the other grows (with the pixels, 16 columns and 2 samples). CPU seconds of preparing the scene (hierarchy, lights) and\n\
+         paths; then one thing after the other grows (with the pixels, 16 columns and 2 samples; threads beyond those of the machine share its cores). CPU seconds of preparing the scene (hierarchy, lights) and\n\
          of the bake, each in a process of its own, median (least…greatest) of {turns} where they took no more than {PATIENCE_SECS} s together, else once; memory is the most that it had beyond the prepared scene; bytes are those of the file, the error is what the bake tells of itself (truncation and sampling): where it grows, what is kept of noise shrinks, and with it the file. The exponent e of the\n\
          power law y ∝ xᵉ is fitted by least squares of the logarithms to so many points: left out are no bounces at all, and CPU seconds below {LEAST_SECS}, as they are counted in hundredths. Seed 1. {}\n",
         bench.triangles,
@@ -131,7 +140,11 @@ pub fn write(desk: &Desk) -> Result<String> {
         bench.spp,
         desk.load_words(),
     );
-    text += &desk.plot("growth", "CPU seconds of a bake as pixels, columns, triangles and bounces grow", &panels)?;
+    text += &desk.plot(
+        "growth",
+        "CPU seconds of a bake as pixels, columns, triangles, bounces and threads grow",
+        &panels,
+    )?;
     text += &format!(
         "\n| what grows | | preparing, CPU s | bake, CPU s | memory, MB | file, kB | error, dB |\n|---|---|---|---|---|---|---|\n{rows}"
     );
@@ -158,8 +171,12 @@ pub fn one(bench: &str) -> Result<String> {
     let scene = room::prepared(bench.triangles, bench.side)?;
     let prepared = process_cpu_secs()?;
     let before = resident_bytes().filter(|_| forget_peak());
-    let job = job(&scene, bench);
-    let bake = job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")?;
+    let bake = || job(&scene, bench).run(|_| ControlFlow::Continue(()));
+    let bake = match bench.threads {
+        None => bake()?,
+        Some(n) => rayon::ThreadPoolBuilder::new().num_threads(n).build()?.install(bake)?,
+    };
+    let bake = bake.context("nobody stops a bake of the report")?;
     let bake_secs = process_cpu_secs()? - prepared;
     let peak_bytes = peak_bytes().zip(before).map(|(peak, before)| peak.saturating_sub(before) as f64);
     let file_bytes = bake.figures().file_bytes.context("a finished bake is packed")? as f64;
@@ -242,6 +259,20 @@ fn middle(secs: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_bake_on_more_threads_has_as_many_bytes() {
+        let on = |n: u32| {
+            let size = [32, 24];
+            let mut bench = Bench { triangles: 1000, side: 4, size, spp: 4, bounces: Some(0), threads: None };
+            assert_eq!(on_threads(&mut bench, n), f64::from(n));
+            assert_eq!(bench.threads, Some(n as usize));
+            let told = one(&serde_json::to_string(&bench).unwrap()).unwrap();
+            serde_json::from_str::<Cost>(&told).unwrap().file_bytes
+        };
+        let [alone, three] = [1, 3].map(on);
+        assert!(alone > 0.0 && alone == three, "{alone} {three}");
+    }
 
     #[test]
     fn an_exponent_says_of_how_many_points_it_is_and_two_have_none() {

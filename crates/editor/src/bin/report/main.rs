@@ -2,7 +2,7 @@
 //! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [--into DIR] [SECTION]…`
 //!
-//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others` where its scenes are), in a hurry those of [`IN_A_HURRY`]; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
+//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others` and `time-living-room` where their scenes are), in a hurry those of [`IN_A_HURRY`]; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
 //! it is finished by the same program. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
@@ -68,9 +68,10 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 22] = [
+const SECTIONS: [Section; 23] = [
     Section { name: "time", write: time::write },
     Section { name: time::OTHERS, write: time::write_others },
+    Section { name: time::LIVING_ROOM, write: time::write_living_room },
     Section { name: time::SECONDS, write: time::seconds::write },
     Section { name: "paper", write: paper::write },
     Section { name: "growth", write: growth::write },
@@ -192,6 +193,7 @@ fn can_be_measured(desk: &Desk, section: &Section) -> bool {
     match section.name {
         hardware::NAME => hardware::is_here(),
         time::OTHERS => time::has_others(desk),
+        time::LIVING_ROOM => time::has_living_room(desk),
         _ => true,
     }
 }
@@ -200,4 +202,19 @@ fn put(path: &Path, page: &str) -> Result<()> {
     std::fs::write(path, page).with_context(|| format!("cannot write {}", path.display()))?;
     complain(&format!("wrote {}", path.display()));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sections_stand_once_and_those_in_a_hurry_are_among_them() {
+        let names: Vec<&str> = SECTIONS.iter().map(|section| section.name).collect();
+        let is_once = |name: &&str| names.iter().filter(|other| *other == name).count() == 1;
+        assert!(names.iter().chain(&IN_A_HURRY).all(is_once), "{names:?}");
+        let nth = |name: &str| names.iter().position(|other| *other == name);
+        assert_eq!(nth(time::LIVING_ROOM), nth(time::OTHERS).map(|nth| nth + 1), "the same of another scene");
+        assert!(!IN_A_HURRY.contains(&time::LIVING_ROOM));
+    }
 }

@@ -71,7 +71,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          nothing is clipped. Entries of a pixel that shows the column's own light, or beside one that does, are left out; the last\n\
          column has them too: there the light itself is seen, far brighter than the peak of what it lights, so that an edge of it in a pixel costs many dB, and less than none is an error greater than that peak. Where a tolerance is told, a block takes samples until its own error is below it; CPU seconds for a\n\
          number of dB lie between two rows of a kind. All bakes have seed 1, the references another; those with the fewest samples have {} more, \
-         and their seconds and mean dB are the median (least…greatest). {}\n{scenes}",
+         and their seconds and mean dB are the median (least…greatest). Where bakes with shared light miss the seconds that are aimed at, [decision 0035](decisions/0035-colors-of-a-chessboard-judge-each-other.md) tells what they are spent on. {}\n{scenes}",
         film.width,
         film.height,
         if step == 1 { String::new() } else { format!(", of every {step}th pixel across and down") },

@@ -15,11 +15,13 @@ const HEAD: &str = "# Benchmarks\n\n\
     Seven experiments: error against time; the method's own evaluation; growth; what nobody beats, in bytes and in time to\n\
     relight; ablations, with the work that is skipped; what a sitting costs; and every method on matrices on which methods fail, which\n\
     has a page of its own: [stability](stability.md). The other sections measure one part of the program each.\n\n\
+    What is aimed at stands in the text of a section, and *kept* or *missed* beside what was measured. Why something is missed stands\n\
+    there, too, or on the page of the decision that it names, as far as that is known.\n\n\
     Scenes of `assets/scenes` are always measured. Others, and the matrices `mixed` and `reflect`, lie in a folder that\n\
-    `CLERESTORY_SHARED` names (`scenes/*.glb`, `references/*.glb`, `env/*`, `matrices/*.npz`); without it their rows are left out, and a\n\
-    section of theirs alone stays as it was, as that of a graphics card does where there is none. Both\n\
+    `CLERESTORY_SHARED` names (`scenes/*.glb`, `references/*.glb`, `env/*`, `matrices/*.npz`); without it their rows are left out, and\n\
+    sections of theirs alone stay as they were, as that of a graphics card does where there is none. Both\n\
     matrices are of a room of 128 × 96 pixels and 256 texels that another program traced; the file of `mixed` holds two noisy halves of\n\
-    it, too. What bakes are held against is made once and kept in the user's cache, or in the folder that\n\
+    it, too. What bakes are held against is made once and kept, with a checksum, in the user's cache, or in the folder that\n\
     `CLERESTORY_REPORT_CACHE` names. Cycles and Mitsuba are asked where `CLERESTORY_PYTHON` names a Python that has `bpy` or\n\
     `mitsuba` (`scripts/peers.py`).\n";
 

@@ -19,7 +19,7 @@ use clerestory_transport::skips::{Skip, Skips};
 use clerestory_transport::sky::{Environment, SkyForm, SkyLight};
 
 use super::desk::Desk;
-use super::fit::{hundredths, spread_words};
+use super::fit::{cpu_words, hundredths, spread_words};
 use super::matrix::process_cpu_secs;
 use super::reference::{Reference, Sampling};
 use super::rendered::as_in_file;
@@ -213,7 +213,7 @@ fn row(what: &str, run: &Run, with_all: &Run) -> String {
     let [single, all] = run.error_db.map(|db| db.map_or("—".into(), |db| format!("{db:.1}")));
     format!(
         "| {what} | {} | {} | {}× | {db} | {single} | {all} |\n",
-        spread_words(run.load_secs.clone()),
+        cpu_words(run.load_secs.clone()),
         spread_words(run.bake_secs.clone()),
         hundredths(of_turns.collect()),
     )
@@ -259,17 +259,17 @@ mod tests {
     #[test]
     fn a_row_tells_what_a_skip_saves_and_how_far_the_bake_is_off() {
         let run = |bake_secs: [f64; 3], value: f32, error_db: [Option<f64>; 2]| Run {
-            load_secs: vec![0.5],
+            load_secs: vec![0.01],
             bake_secs: bake_secs.to_vec(),
             skipped: Skipped::default(),
             picture: vec![value; 100],
             error_db,
         };
         let with_all = run([2.0, 2.2, 2.4], 1.0, [Some(20.0), Some(31.3)]);
-        let told = "| all | 0.50 | 2.2 (2.0…2.4) | 1.00 (1.00…1.00)× | the same | 20.0 | 31.3 |\n";
+        let told = "| all | 0.01 | 2.2 (2.0…2.4) | 1.00 (1.00…1.00)× | the same | 20.0 | 31.3 |\n";
         assert_eq!(row("all", &with_all, &with_all), told);
         let without = run([3.0, 3.3, 3.3], 1.1, [Some(20.5), None]);
-        let told = "| none | 0.50 | 3.3 (3.0…3.3) | 1.50 (1.38…1.50)× | 20.0 | 20.5 | — |\n";
+        let told = "| none | 0.01 | 3.3 (3.0…3.3) | 1.50 (1.38…1.50)× | 20.0 | 20.5 | — |\n";
         assert_eq!(row("none", &without, &with_all), told);
     }
 

@@ -47,7 +47,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          *Whole* is what the window does from a lamp that has moved to the picture on the screen of 1024 × 768, its own drawing aside: one sample of the direct light of each pixel, the irradiance of\n\
          all {DEFAULT_PATCHES} patches, all columns of the bake (of {SPP} samples per pixel) relit, both summed and encoded, on the CPU or with the graphics device; a lamp that rests for 0.1 s is\n\
          refined as it is there. Goals: {} ms on a CPU of two threads, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians of {STEPS} steps, of the whole with least…greatest. The bake has seed 0. Shadow rays that nothing needs\n\
-         are not cast. `kernel` is the direct light on the graphics device by the device's own clock, `back` when the CPU can read it, `device` when the CPU has added what was left to it.\n\
+         are not cast. Where *whole* misses its goal, the columns behind it tell which part takes the time; what a device leaves to the CPU, and what it takes, [decision 0026](decisions/0026-the-device-lights-lamps-and-leaves-what-it-does-not-know.md) tells. `kernel` is the direct light on the graphics device by the device's own clock, `back` when the CPU can read it, `device` when the CPU has added what was left to it.\n\
          {device} {}\n\n{table}",
         GOALS_MS[0],
         GOALS_MS[1],

@@ -81,7 +81,9 @@ pub fn write(desk: &Desk) -> Result<String> {
          Seams: the step of the error from pixel to pixel, root mean square, across borders of blocks over within. Told: blocks that tell their error to\n\
          between 0.8 and 1.25 of it; ours is told the converged matrix as both halves, but for the noisy halves, so that only there its estimate can be wrong. Milliseconds of one core per block, factors + bytes:\n\
          the shortest of {} rounds over all methods, one round for the noisy halves and for the many columns; those of others hold the search for the rank that\n\
-         the tolerance takes, which ours finds on the way. Algorithm 4 has for each target that threshold of its pseudo-inverse of {} that suits it best. Seed {}, one alone. {}\n\n{}{text}",
+         the tolerance takes, which ours finds on the way. Algorithm 4 has for each target that threshold of its pseudo-inverse of {} that suits it best. Seed {}, one alone.\n\
+         What is missed: of many columns and of multiply-adds [decision 0040](decisions/0040-no-right-basis-is-shared.md) tells why, of the errors that noisy halves tell [decision 0041](decisions/0041-no-block-is-worse-than-its-samples.md);\n\
+         milliseconds per block stand beside those of tracing in the last row, as [decision 0046](decisions/0046-blocks-are-traced-whole.md) weighs them. {}\n\n{}{text}",
         desk.choose(1, ROUNDS),
         RCONDS.map(|rcond| rcond.to_string()).join(", "),
         CompressConfig::default().seed,

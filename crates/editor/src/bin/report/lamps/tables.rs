@@ -158,7 +158,8 @@ impl Told {
             ### Goals, {DEFAULT_PATCHES} patches\n\n\
             Kept where the median keeps it; behind it how many of all do. *Exchanged* are point, spot and directional lamps of the file whose place free ones of the same light take (*Make movable*), one at a time: \
             the picture of the file against the same with its baked column, whose noise counts. *Bake of patches* is learning and walks over all else in CPU seconds, of a bake {wide} pixels wide \
-            with {wide_spp} samples per pixel.\n\n\
+            with {wide_spp} samples per pixel. Why L2 is missed, and what was tried: [decision 0050](decisions/0050-light-of-moved-lamps-lacks-a-little-of-everything.md) and [decision 0047](decisions/0047-the-first-bounce-stays-with-patches.md); \
+            why few lamps are baked sooner than patches: [decision 0009](decisions/0009-patches-are-seen-through-learned-columns.md).\n\n\
             | scene | L2 ≤ 5 % | PSNR ≥ 35 dB | exchanged ≥ 40 dB | bake of patches ≤ 1× | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|\n{goals}",
             desk.choose(TRACED_SPP[0], TRACED_SPP[1]),
             100.0 * super::places::WORST,

@@ -64,7 +64,9 @@ pub fn write(desk: &Desk) -> Result<String> {
          {}×{} pixels, seconds by the clock on the wall once the file is read: until the hierarchy is built and the lights are found, until the whole\n\
          preview is there (that included, with the CPU seconds beside), and what a bake with shared indirect light has that is told to end {} s\n\
          after the preview began. Median (least…greatest) of {} repeats with seeds of their own; error of single lights in dB of each. Aimed at: a preview of\n\
-         {} dB within {} s, and {} dB within {} s, which the medians keep or miss. {}\n\n\
+         {} dB within {} s, and {} dB within {} s, which the medians keep or miss: in seconds, in dB, or in both. Until a preview is there the window shows\n\
+         a first look ([decision 0039](decisions/0039-a-first-look-comes-before-the-preview.md)); [decision 0035](decisions/0035-colors-of-a-chessboard-judge-each-other.md) tells\n\
+         what the fastest bakes wait for, and why those of scenes with coats, metal or glass wait longer. {}\n\n\
          | scene | prepared | preview | its CPU s | its dB | aim | ended | its dB | aim |\n|---|---|---|---|---|---|---|---|---|\n{rows}",
         film.width,
         film.height,
