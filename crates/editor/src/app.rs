@@ -407,7 +407,7 @@ impl App {
             Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
             Action::TogglePanels => self.is_bare = !self.is_bare,
             Action::TogglePanel(side) => self.toggle_panel(ctx, side),
-            Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
+            Action::ToggleShortcuts => self.toggle_shortcuts(ctx),
             Action::ToggleFullScreen => toggle_full_screen(ctx),
             Action::CloseWindow => ctx.send_viewport_cmd(ViewportCommand::Close),
             Action::Quit => self.quit(ctx),

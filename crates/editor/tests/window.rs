@@ -1023,6 +1023,37 @@ fn the_keys_are_listed_over_a_question_and_closing_them_leaves_it() {
 }
 
 #[test]
+fn keys_do_nothing_behind_the_list_of_keys() {
+    let mut window = baked();
+    click(&mut window, "Mute lamp");
+    let name = window.get_by_label("Mute lamp").rect().right_center() + vec2(20.0, 0.0);
+    click_at(&mut window, name);
+    window.get_by_label("lamp intensity").focus();
+    window.run_steps(2);
+    let look = window.state().look().clone();
+    window.key_press(Key::F1);
+    window.run_steps(3);
+    for key in [Key::CloseBracket, Key::ArrowRight, Key::F2, Key::H, Key::C] {
+        window.key_press(key);
+        window.run_steps(3);
+        assert_eq!(*window.state().look(), look, "{key:?}");
+    }
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    window.run_steps(3);
+    assert_eq!(*window.state().look(), look, "nothing is undone");
+    // It is open still, and what lies behind it is as it was.
+    window.get_by_label("Keyboard and mouse");
+    window.get_by_label("Mute lamp");
+    window.get_by_label("Picture");
+    window.key_press(Key::F1);
+    window.run_steps(3);
+    assert!(window.query_by_label("Keyboard and mouse").is_none());
+    window.key_press(Key::CloseBracket);
+    window.run_steps(3);
+    assert!(window.state().look().lights.own_setting("lamp").intensity > 1.0, "the light is selected still");
+}
+
+#[test]
 fn messages_wait_for_their_reader_and_nothing_goes_while_a_slider_is_held() {
     let mut window = baked();
     let folder = tempfile::tempdir().unwrap();
