@@ -527,9 +527,11 @@ impl eframe::App for App {
         self.camera.save(storage);
     }
 
-    /// Where a system ends the program without a question, as the menu of a Mac does, what was not saved is offered at the next start.
+    /// Where a system ends the program without a question, as the menu of a Mac does, what was not saved is offered at the next start, and
+    /// a bake that is in no file gets one.
     fn on_exit(&mut self) {
         self.keep_unsaved_now();
+        self.keep_stack_now();
     }
 }
 

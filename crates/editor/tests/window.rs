@@ -920,6 +920,23 @@ fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() 
 }
 
 #[test]
+fn a_bake_of_pictures_gets_a_file_where_the_system_ends_the_program_without_asking() {
+    let (home, pictures) = (tempfile::tempdir().unwrap(), stage());
+    let (folder, saved) = (home.path().join("stage"), home.path().join("stage.transport"));
+    std::fs::rename(pictures.path(), &folder).unwrap();
+    let mut window = open(Source::File(folder));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    eframe::App::on_exit(window.state_mut());
+    assert_eq!(archive::read(&saved).unwrap().header.width, 32);
+    std::fs::remove_file(&saved).unwrap();
+    close(&mut window);
+    window.get_by_label("Save the bake?");
+    click(&mut window, "Discard");
+    eframe::App::on_exit(window.state_mut());
+    assert!(!saved.exists(), "somebody said that it may go");
+}
+
+#[test]
 fn a_folder_that_is_no_stack_is_told_in_words() {
     let folder = stage();
     image::GrayImage::new(8, 8).save(folder.path().join("wrong.png")).unwrap();
