@@ -122,6 +122,9 @@ fn many_lights_are_changed_by_stops_and_set_to_one_value() {
     let third = 2f32.powf(1.0 / 3.0);
     assert!((intensity(&window, "left") - third).abs() < 1e-4);
     assert_eq!(intensity(&window, "middle"), 1.0);
+    click(&mut window, "Darker by ⅓ EV");
+    assert_eq!(intensity(&window, "left"), 1.0);
+    click(&mut window, "Brighter by ⅓ EV");
 
     // With another light the values are mixed, and an offset keeps their ratio.
     select(&mut window, &["left", "right", "middle"]);

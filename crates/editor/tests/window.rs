@@ -601,6 +601,9 @@ fn exposure_and_tone_are_part_of_the_look() {
     click(&mut window, "Tone curve");
     click(&mut window, "Neutral");
     assert_eq!(window.state().look().display.tone, clerestory_relight::Tone::Neutral);
+    let dither = window.state().look().display.dither;
+    reach(&mut window, "Dither");
+    assert!(window.state().look().display.dither != dither);
 }
 
 #[test]
@@ -610,6 +613,14 @@ fn the_bar_tells_the_error_of_the_whole_and_of_half_of_it() {
     let (total, median) = (figures.error_db.total, figures.block_error_db.total.median);
     assert!(median > total, "a mean of squares is ruled by the worst: {median} {total}");
     window.get_by_label(&format!("{total:.1} dB, median {median:.1} dB"));
+}
+
+#[test]
+fn the_bar_tells_the_device_its_time_and_the_size_of_the_picture() {
+    let window = baked();
+    for words in ["Relight: CPU", " ms", "64 × 48"] {
+        assert!(window.query_all_by_label_contains(words).next().is_some(), "{words}");
+    }
 }
 
 fn show_false_color_of_lux(window: &mut Window) {
