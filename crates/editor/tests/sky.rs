@@ -337,6 +337,22 @@ fn the_sun_follows_the_clock_and_a_played_day_is_one_step() {
 }
 
 #[test]
+fn a_map_of_the_sky_is_opened_by_its_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("half.hdr");
+    let map = image::Rgb32FImage::from_pixel(16, 8, image::Rgb([1.0; 3]));
+    image::DynamicImage::ImageRgb32F(map).save(&path).unwrap();
+    let mut window = under_the_sky();
+    click(&mut window, "Kind of sky");
+    click(&mut window, "Picture…");
+    window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
+    window.run_steps(3);
+    click(&mut window, "Open");
+    wait(&mut window, |app| app.look().lights.sky.as_ref().is_some_and(|sky| sky.file.is_some()) && app.is_settled());
+    assert!(sky(&window).file.is_some_and(|file| file.ends_with("half.hdr")));
+}
+
+#[test]
 fn the_sun_is_set_by_its_angles_or_by_a_place_on_earth() {
     let mut window = under_the_sky();
     let type_all = |window: &mut Window, numbers: &[(&str, &str)]| {
