@@ -257,6 +257,11 @@ fn intensities_are_told_in_the_unit_that_is_chosen() {
     // 4π lumen all around are 1 candela.
     assert!(value(&window, "left lm").starts_with("25.1"), "{}", value(&window, "left lm"));
     click(&mut window, "Unit of intensities");
+    click(&mut window, "W, electrical power");
+    window.get_by_label("Luminous efficacy").set_value_accesskit(100.0);
+    window.run_steps(3);
+    assert!(value(&window, "left W").starts_with("0.25"), "{}", value(&window, "left W"));
+    click(&mut window, "Unit of intensities");
     click(&mut window, "EV, stops above the file");
     assert!(value(&window, "left stops").starts_with("+0.00"), "{}", value(&window, "left stops"));
 }
