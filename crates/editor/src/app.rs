@@ -407,7 +407,7 @@ impl App {
             Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
             Action::TogglePanels => self.is_bare = !self.is_bare,
             Action::TogglePanel(side) => self.toggle_panel(ctx, side),
-            Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
+            Action::ToggleShortcuts => self.toggle_shortcuts(ctx),
             Action::ToggleFullScreen => toggle_full_screen(ctx),
             Action::CloseWindow => ctx.send_viewport_cmd(ViewportCommand::Close),
             Action::Quit => self.quit(ctx),
@@ -527,9 +527,11 @@ impl eframe::App for App {
         self.camera.save(storage);
     }
 
-    /// Where a system ends the program without a question, as the menu of a Mac does, what was not saved is offered at the next start.
+    /// Where a system ends the program without a question, as the menu of a Mac does, what was not saved is offered at the next start, and
+    /// a bake that is in no file gets one.
     fn on_exit(&mut self) {
         self.keep_unsaved_now();
+        self.keep_stack_now();
     }
 }
 

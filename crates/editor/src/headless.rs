@@ -324,6 +324,12 @@ mod tests {
     }
 
     #[test]
+    fn the_gallery_takes_little_of_the_program() {
+        let n_bytes = std::hint::black_box(GALLERY).len();
+        assert!(n_bytes < 6_000_000, "{n_bytes}");
+    }
+
+    #[test]
     fn every_light_of_the_built_in_looks_exists_in_the_gallery() {
         let scene = import::load_bytes("gallery.glb", GALLERY).unwrap().scene;
         let basis = Lighting::new(&scene, &[]).unwrap().0.basis;

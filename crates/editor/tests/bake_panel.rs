@@ -45,6 +45,15 @@ fn what_a_bake_will_take_is_told_before_it_starts() {
 }
 
 #[test]
+fn a_quality_is_chosen_by_its_name() {
+    let mut window = baked();
+    reach(&mut window, "Quality");
+    click(&mut window, "Draft");
+    let config = &window.state().settings().config;
+    assert_eq!((config.spp, config.tolerance_db), (64, 32.0));
+}
+
+#[test]
 fn of_illuminance_that_a_finished_bake_lacks_that_alone_is_foreseen() {
     let mut window = baked();
     let told = |app: &App| match app.session().forecast() {

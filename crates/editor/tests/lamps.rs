@@ -1213,6 +1213,27 @@ fn a_lamp_of_a_kept_look_that_has_the_name_of_a_light_is_told() {
 }
 
 #[test]
+fn a_light_that_takes_the_name_of_a_lamp_of_a_kept_look_is_told_after_a_reload() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, of_look] = ["room.gltf", "a.look"].map(|name| folder.path().join(name));
+    std::fs::write(&path, room()).unwrap();
+    let desk = json!({"key": "desk", "type": "point", "position": [0, 0, 0], "strength": 1});
+    let look = json!({"clerestory": 1, "looks": [{"name": "Evening", "lamps": [desk]}]});
+    std::fs::write(&of_look, look.to_string()).unwrap();
+    let mut window = open(Source::File(path.clone()));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(of_look)));
+    wait(&mut window, |app| !app.look().snapshots.is_empty());
+    const TOLD: &str = "looks that were kept have a lamp `desk`, but a light of the scene has this name";
+    assert!(!says(&window, TOLD));
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    gltf["nodes"][1]["name"] = json!("desk");
+    replace_and_reload(&mut window, &path, &gltf);
+    wait_until(&mut window, |window| says(window, TOLD));
+    assert_eq!(window.state().look().snapshots[0].lights.lamps.len(), 1, "it is kept");
+}
+
+#[test]
 fn what_a_moved_lamp_lacks_is_baked_from_where_it_is_told() {
     let mut window = with_lamp("Point");
     wait(&mut window, App::is_settled);

@@ -122,6 +122,9 @@ fn many_lights_are_changed_by_stops_and_set_to_one_value() {
     let third = 2f32.powf(1.0 / 3.0);
     assert!((intensity(&window, "left") - third).abs() < 1e-4);
     assert_eq!(intensity(&window, "middle"), 1.0);
+    click(&mut window, "Darker by ⅓ EV");
+    assert_eq!(intensity(&window, "left"), 1.0);
+    click(&mut window, "Brighter by ⅓ EV");
 
     // With another light the values are mixed, and an offset keeps their ratio.
     select(&mut window, &["left", "right", "middle"]);
@@ -253,6 +256,11 @@ fn intensities_are_told_in_the_unit_that_is_chosen() {
     click(&mut window, "lm, luminous flux");
     // 4π lumen all around are 1 candela.
     assert!(value(&window, "left lm").starts_with("25.1"), "{}", value(&window, "left lm"));
+    click(&mut window, "Unit of intensities");
+    click(&mut window, "W, electrical power");
+    window.get_by_label("Luminous efficacy").set_value_accesskit(100.0);
+    window.run_steps(3);
+    assert!(value(&window, "left W").starts_with("0.25"), "{}", value(&window, "left W"));
     click(&mut window, "Unit of intensities");
     click(&mut window, "EV, stops above the file");
     assert!(value(&window, "left stops").starts_with("+0.00"), "{}", value(&window, "left stops"));

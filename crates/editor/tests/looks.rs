@@ -191,6 +191,10 @@ fn looks_are_renamed_duplicated_put_in_order_and_deleted() {
     let (from, to) = (window.get_by_label("Look Look 2").rect().center(), window.get_by_label("Look Day").rect());
     drag(&mut window, from, to.left_center());
     assert_eq!(names(&window), ["Look 2", "Day", "Day 2"]);
+    context_menu(&mut window, "Look Day 2", "Move left");
+    assert_eq!(names(&window), ["Look 2", "Day 2", "Day"]);
+    context_menu(&mut window, "Look Day 2", "Move right");
+    assert_eq!(names(&window), ["Look 2", "Day", "Day 2"]);
     context_menu(&mut window, "Look Day 2", "Delete");
     assert_eq!(names(&window), ["Look 2", "Day"]);
     click(&mut window, "Undo");
@@ -845,6 +849,23 @@ fn replace_frames(window: &mut Window, path: &std::path::Path) {
         click(window, answer);
     }
     wait(window, |app| app.session().frames().is_none());
+}
+
+#[test]
+fn a_timeline_that_loops_begins_again_at_its_end() {
+    let mut window = two_keys();
+    let frame = |window: &Window| -> Option<u32> {
+        let told = window.query_by_label_contains(" s, frame ")?.accesskit_node().value()?;
+        told.rsplit(' ').next()?.parse().ok()
+    };
+    click(&mut window, "Loop");
+    click(&mut window, "Play the timeline");
+    wait_until(&mut window, |window| frame(window).is_some_and(|frame| frame > 30));
+    wait_until(&mut window, |window| frame(window).is_some_and(|frame| frame < 30));
+    click(&mut window, "Play the timeline");
+    let paused = frame(&window);
+    window.run_steps(8);
+    assert_eq!(frame(&window), paused);
 }
 
 #[test]

@@ -337,6 +337,46 @@ fn the_sun_follows_the_clock_and_a_played_day_is_one_step() {
 }
 
 #[test]
+fn a_map_of_the_sky_is_opened_by_its_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("half.hdr");
+    let map = image::Rgb32FImage::from_pixel(16, 8, image::Rgb([1.0; 3]));
+    image::DynamicImage::ImageRgb32F(map).save(&path).unwrap();
+    let mut window = under_the_sky();
+    click(&mut window, "Kind of sky");
+    click(&mut window, "Picture…");
+    window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
+    window.run_steps(3);
+    click(&mut window, "Open");
+    wait(&mut window, |app| app.look().lights.sky.as_ref().is_some_and(|sky| sky.file.is_some()) && app.is_settled());
+    assert!(sky(&window).file.is_some_and(|file| file.ends_with("half.hdr")));
+}
+
+#[test]
+fn the_sun_is_set_by_its_angles_or_by_a_place_on_earth() {
+    let mut window = under_the_sky();
+    let type_all = |window: &mut Window, numbers: &[(&str, &str)]| {
+        for (field, number) in numbers {
+            type_over(window, field, number);
+            settle(window);
+        }
+    };
+    type_all(&mut window, &[("Azimuth of the sun", "180"), ("Elevation of the sun", "30")]);
+    assert_eq!(angles(&window), (180.0, 30.0));
+    window.get_by_label_contains("In the south, azimuth 180.0°");
+    click(&mut window, "By date and place");
+    settle(&mut window);
+    // Cape Town on a morning in winter.
+    type_all(&mut window, &[("Latitude", "-33.9"), ("Longitude", "18.4"), ("Offset from universal time", "2")]);
+    let SunPlace::Time { time, .. } = sky(&window).sun.unwrap().place else { panic!("by angle") };
+    assert_eq!((time.latitude_deg, time.longitude_deg, time.utc_offset_h), (-33.9, 18.4, 2.0));
+    click(&mut window, "By angle");
+    settle(&mut window);
+    let (azimuth, elevation) = angles(&window);
+    assert!((azimuth - 40.0).abs() < 15.0 && (elevation - 20.0).abs() < 5.0, "{azimuth} {elevation}");
+}
+
+#[test]
 fn a_sky_that_is_looked_at_stays_as_its_look_has_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hazy.look");

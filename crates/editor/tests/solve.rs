@@ -216,6 +216,21 @@ fn no_light_gets_below_its_least_factor_and_the_rest_is_kept_as_much_as_asked() 
 }
 
 #[test]
+fn colors_may_change_where_that_is_wished_and_within_a_saturation() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    let colors = |window: &Window| window.state().look().wishes.colors;
+    assert_eq!(colors(&window), None);
+    reach(&mut window, "Colors too");
+    assert!(colors(&window).is_some());
+    window.get_by_label("Most saturation").set_value_accesskit(0.25);
+    window.run_steps(3);
+    assert_eq!(colors(&window), Some(0.25));
+    reach(&mut window, "Colors too");
+    assert_eq!(colors(&window), None);
+}
+
+#[test]
 fn solving_waits_until_all_lights_are_heard() {
     let mut window = measured();
     click(&mut window, "Solve for light");

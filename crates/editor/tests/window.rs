@@ -601,6 +601,9 @@ fn exposure_and_tone_are_part_of_the_look() {
     click(&mut window, "Tone curve");
     click(&mut window, "Neutral");
     assert_eq!(window.state().look().display.tone, clerestory_relight::Tone::Neutral);
+    let dither = window.state().look().display.dither;
+    reach(&mut window, "Dither");
+    assert!(window.state().look().display.dither != dither);
 }
 
 #[test]
@@ -610,6 +613,14 @@ fn the_bar_tells_the_error_of_the_whole_and_of_half_of_it() {
     let (total, median) = (figures.error_db.total, figures.block_error_db.total.median);
     assert!(median > total, "a mean of squares is ruled by the worst: {median} {total}");
     window.get_by_label(&format!("{total:.1} dB, median {median:.1} dB"));
+}
+
+#[test]
+fn the_bar_tells_the_device_its_time_and_the_size_of_the_picture() {
+    let window = baked();
+    for words in ["Relight: CPU", " ms", "64 × 48"] {
+        assert!(window.query_all_by_label_contains(words).next().is_some(), "{words}");
+    }
 }
 
 fn show_false_color_of_lux(window: &mut Window) {
@@ -920,6 +931,23 @@ fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() 
 }
 
 #[test]
+fn a_bake_of_pictures_gets_a_file_where_the_system_ends_the_program_without_asking() {
+    let (home, pictures) = (tempfile::tempdir().unwrap(), stage());
+    let (folder, saved) = (home.path().join("stage"), home.path().join("stage.transport"));
+    std::fs::rename(pictures.path(), &folder).unwrap();
+    let mut window = open(Source::File(folder));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    eframe::App::on_exit(window.state_mut());
+    assert_eq!(archive::read(&saved).unwrap().header.width, 32);
+    std::fs::remove_file(&saved).unwrap();
+    close(&mut window);
+    window.get_by_label("Save the bake?");
+    click(&mut window, "Discard");
+    eframe::App::on_exit(window.state_mut());
+    assert!(!saved.exists(), "somebody said that it may go");
+}
+
+#[test]
 fn a_folder_that_is_no_stack_is_told_in_words() {
     let folder = stage();
     image::GrayImage::new(8, 8).save(folder.path().join("wrong.png")).unwrap();
@@ -1020,6 +1048,37 @@ fn the_keys_are_listed_over_a_question_and_closing_them_leaves_it() {
     window.run_steps(3);
     assert!(window.query_by_label("Keyboard and mouse").is_none());
     window.get_by_label("Recover unsaved lights?");
+}
+
+#[test]
+fn keys_do_nothing_behind_the_list_of_keys() {
+    let mut window = baked();
+    click(&mut window, "Mute lamp");
+    let name = window.get_by_label("Mute lamp").rect().right_center() + vec2(20.0, 0.0);
+    click_at(&mut window, name);
+    window.get_by_label("lamp intensity").focus();
+    window.run_steps(2);
+    let look = window.state().look().clone();
+    window.key_press(Key::F1);
+    window.run_steps(3);
+    for key in [Key::CloseBracket, Key::ArrowRight, Key::F2, Key::H, Key::C] {
+        window.key_press(key);
+        window.run_steps(3);
+        assert_eq!(*window.state().look(), look, "{key:?}");
+    }
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    window.run_steps(3);
+    assert_eq!(*window.state().look(), look, "nothing is undone");
+    // It is open still, and what lies behind it is as it was.
+    window.get_by_label("Keyboard and mouse");
+    window.get_by_label("Mute lamp");
+    window.get_by_label("Picture");
+    window.key_press(Key::F1);
+    window.run_steps(3);
+    assert!(window.query_by_label("Keyboard and mouse").is_none());
+    window.key_press(Key::CloseBracket);
+    window.run_steps(3);
+    assert!(window.state().look().lights.own_setting("lamp").intensity > 1.0, "the light is selected still");
 }
 
 #[test]

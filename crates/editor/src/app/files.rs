@@ -49,9 +49,7 @@ impl App {
         if task.writes_pictures() && (self.lacks_picture() || self.is_too_coarse()) {
             return;
         }
-        let name = self.session.opened.as_ref().map_or("scene", |opened| opened.name.as_str());
-        let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
-        let folder = self.folder();
+        let (stem, folder) = (self.stem(), self.folder());
         let unused = |after: &str| unused_name(task, &folder, stem, after);
         let own = self.look_path.clone().filter(|_| task == FileTask::SaveLook);
         let suggestion = match task {
@@ -77,6 +75,18 @@ impl App {
         }
         self.asked_frames = None;
         self.question = Some(FileQuestion::new(task, &suggestion, folder, own, self.dialogs));
+    }
+
+    /// What files of what is open are called, without an ending.
+    fn stem(&self) -> &str {
+        let name = self.session.opened.as_ref().map_or("scene", |opened| opened.name.as_str());
+        name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+    }
+
+    /// Where a file goes that nobody names; it replaces none.
+    pub(super) fn suggested(&self, task: FileTask, after: &str) -> PathBuf {
+        let folder = self.folder();
+        folder.join(unused_name(task, &folder, self.stem(), after))
     }
 
     /// Where files are looked for and written first: beside the scene that is open, else where the program was started. A start

@@ -82,6 +82,16 @@ impl App {
             || self.left_behind().is_some()
     }
 
+    /// Opens the list of keys, or closes it. What has the focus lets go of it, so that no key works behind the list; a text keeps it, and is
+    /// given up by the key that closes the list.
+    pub(super) fn toggle_shortcuts(&mut self, ctx: &Context) {
+        self.shortcuts = !self.shortcuts;
+        let focused = ctx.memory(|memory| memory.focused());
+        if let Some(focused) = focused.filter(|_| self.shortcuts && !ctx.text_edit_focused()) {
+            ctx.memory_mut(|memory| memory.surrender_focus(focused));
+        }
+    }
+
     /// Closes a panel at the side, or opens it, with all others that are hidden.
     pub(super) fn toggle_panel(&mut self, ctx: &Context, side: Side) {
         if std::mem::take(&mut self.is_bare) && self.sides.shows(side, ctx.content_rect().width()) {

@@ -1,5 +1,6 @@
 //! Work beside the look that closing the window or opening something else would lose, and the question before that.
 
+use std::io::Write;
 use std::mem::{Discriminant, discriminant};
 
 use eframe::egui::{Context, ViewportCommand};
@@ -40,15 +41,31 @@ impl Losing {
 }
 
 impl App {
-    /// What an action would lose first that nobody has agreed to lose: frames go on while something else is opened.
-    fn loss(&self, action: &Action) -> Option<Loss> {
+    /// What an action would lose that nobody has agreed to lose: frames go on while something else is opened.
+    fn losses(&self, action: &Action) -> impl Iterator<Item = Loss> {
         let frames = self.session.frames().filter(|_| *action == Action::Quit);
         let of_frames = frames.map(|(n_written, n)| Loss::Frames(n_written, n));
         let of_stack = self.session.has_unsaved_stack().then_some(Loss::Stack);
         let under_way = self.session.is_baking_stack().then_some(Loss::StackUnderWay);
         let accepted = self.losing.accepted.as_ref().filter(|(of, _)| of == action).map_or(&[][..], |(_, kinds)| kinds);
-        let mut losses = [of_frames, of_stack, under_way].into_iter().flatten();
-        losses.find(|loss| !accepted.contains(&discriminant(loss)))
+        let losses = [of_frames, of_stack, under_way].into_iter().flatten();
+        losses.filter(move |loss| !accepted.contains(&discriminant(loss)))
+    }
+
+    /// What it would lose first.
+    fn loss(&self, action: &Action) -> Option<Loss> {
+        self.losses(action).next()
+    }
+
+    /// Where the system ends the program without a question, a bake of pictures that is in no file is written beside them, by the name that
+    /// the question about it would suggest.
+    pub(super) fn keep_stack_now(&self) {
+        if self.losses(&Action::Quit).any(|loss| loss == Loss::Stack)
+            && let Err(words) = self.session.save_bake_now(&self.suggested(FileTask::SaveBake, ".transport"))
+        {
+            // The window is gone, and with it all other places for words.
+            let _ = writeln!(std::io::stderr(), "clerestory: {words}");
+        }
     }
 
     /// Whether an action waits until somebody says that work may be lost.

@@ -65,7 +65,8 @@ impl App {
         self.camera.camera = reloading.and_then(|reloading| reloading.camera).or(of_file);
         self.take_up();
         if let (true, Some(basis)) = (is_reloaded, self.session.basis()) {
-            let lost = self.look.unheeded(basis);
+            let mut lost = self.look.unheeded(basis);
+            lost.extend(self.look.taken_since(basis));
             if !lost.is_empty() {
                 self.complain(format!("Opened again: {}", lost.join(", ")));
             }

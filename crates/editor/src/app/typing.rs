@@ -19,7 +19,7 @@ impl App {
     /// What keys and dropped files ask for, once there is no text that it could be about.
     pub(super) fn asked(&mut self, ctx: &Context) -> Vec<Action> {
         let files = ctx.input(|input| input.raw.dropped_files.clone());
-        let waits = self.waits_for_an_answer();
+        let waits = self.waits_for_an_answer() || self.shortcuts;
         let asked = &mut self.typing.asked;
         match &mut self.question {
             Some(question) => files.iter().for_each(|file| question.fill_in(file.path())),

@@ -74,18 +74,26 @@ impl Look {
     /// Leaves out the lamps that are called as lights of a scene. Answers a sentence for each that looks have which were kept alone; of
     /// those of the present look [`Look::unheeded`] tells.
     pub fn leave_out_taken(&mut self, basis: &LightBasis) -> Vec<String> {
-        let is_taken = |lamp: &FreeLamp| basis.source(&lamp.key).is_some();
-        let own: BTreeSet<&str> = self.lights.lamps.iter().map(|lamp| lamp.key.as_str()).collect();
-        let kept = self.snapshots.iter().flat_map(|kept| &kept.lights.lamps).filter(|lamp| is_taken(lamp));
-        let lost: BTreeSet<&str> = kept.map(|lamp| lamp.key.as_str()).filter(|key| !own.contains(key)).collect();
-        let words = |key: &str| {
-            format!(
-                "looks that were kept have a lamp `{key}`, but a light of the scene has this name; it is left out there"
-            )
-        };
-        let words: Vec<String> = lost.into_iter().map(|key| self.renamed(&words(key))).collect();
-        self.rigs_mut().for_each(|rig| rig.lamps.retain(|lamp| !is_taken(lamp)));
+        let words = self.taken_in_kept(basis, "it is left out there");
+        self.rigs_mut().for_each(|rig| rig.lamps.retain(|lamp| basis.source(&lamp.key).is_none()));
         words
+    }
+
+    /// A sentence for each lamp that looks have which were kept alone, and that is called as a light of a scene whose file has changed. It
+    /// stays where it is, and is left out where the look is opened.
+    pub fn taken_since(&self, basis: &LightBasis) -> Vec<String> {
+        self.taken_in_kept(basis, "give the light another one, or the lamp is left out when this look is opened")
+    }
+
+    /// The sentences, each with what becomes of the lamp.
+    fn taken_in_kept(&self, basis: &LightBasis, outcome: &str) -> Vec<String> {
+        let own: BTreeSet<&str> = self.lights.lamps.iter().map(|lamp| lamp.key.as_str()).collect();
+        let kept = self.snapshots.iter().flat_map(|kept| &kept.lights.lamps).map(|lamp| lamp.key.as_str());
+        let taken: BTreeSet<&str> = kept.filter(|key| !own.contains(key) && basis.source(key).is_some()).collect();
+        let words = |key: &str| {
+            format!("looks that were kept have a lamp `{key}`, but a light of the scene has this name; {outcome}")
+        };
+        taken.into_iter().map(|key| self.renamed(&words(key))).collect()
     }
 }
 

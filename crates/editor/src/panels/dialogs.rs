@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use eframe::egui::{self, Button, Context, Key, Modal, RichText, ScrollArea, TextEdit, Ui};
 
+use super::menu::are_keys_listed;
 use super::sight::keep_in_sight;
 use crate::action::{Action, FileTask};
 use crate::theme;
@@ -444,8 +445,8 @@ impl<A: Copy> Answers<A> {
                     if button.clicked() {
                         chosen = Some(best);
                     }
-                    // Enter keeps the work.
-                    if ui.memory(|memory| memory.focused().is_none()) {
+                    // Enter keeps the work, and does nothing behind the list of keys.
+                    if !are_keys_listed(ctx) && ui.memory(|memory| memory.focused().is_none()) {
                         button.request_focus();
                     }
                     if let Some((back_label, back)) = back

@@ -43,7 +43,13 @@ pub fn note_open(ctx: &Context, are_keys_listed: bool) {
         let typed = data.get_temp_mut_or::<bool>(Id::unique("typed as the frame before began"), false);
         let was_typed = std::mem::replace(typed, is_typed);
         data.insert_temp(Id::unique("open as the frame began"), is_open || was_typed);
+        data.insert_temp(Id::unique("keys are listed"), are_keys_listed);
     });
+}
+
+/// Whether the list of keys is open: what lies behind it waits with its keys.
+pub fn are_keys_listed(ctx: &Context) -> bool {
+    ctx.data(|data| data.get_temp(Id::unique("keys are listed"))).unwrap_or(false)
 }
 
 /// Whether one was open as this frame began, or a text was typed before it.

@@ -6,7 +6,7 @@ use eframe::egui::text_selection::LabelSelectionState;
 use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers, Popup, Ui};
 
 use super::looks::cards::{WITH_KEY, take_keys as look_keys};
-use super::menu::{MENU, was_open};
+use super::menu::{MENU, are_keys_listed, was_open};
 use super::number::give_up;
 use crate::action::{Action, FileTask, Side};
 use crate::viewport::orbit::Navigation;
@@ -63,7 +63,8 @@ pub fn full_screen(ctx: &Context) -> KeyboardShortcut {
 }
 
 /// Pushes what the keys that were pressed ask for. Keys that a text field wants stay with it; while a question waits for its answer they
-/// are for the question, and those that act on what is chosen or seen are for nothing while a menu is open.
+/// are for the question, while the list of keys is open they are there to be read about, and those that act on what is chosen or seen are
+/// for nothing while a menu is open.
 pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
     if waits {
         let is_asked = ctx.input_mut(|input| input.consume_shortcut(&HELP));
@@ -118,10 +119,10 @@ pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
     }
 }
 
-/// Whether keys are for what is drawn there: neither for a text nor for a question, a menu or a picker in front of it.
+/// Whether keys are for what is drawn there: neither for a text nor for a question, a menu, a picker or the list of keys in front of it.
 pub fn hears_keys(ui: &Ui) -> bool {
     let is_behind = Popup::is_any_open(ui.ctx()) || !ui.memory(|memory| memory.allows_interaction(ui.layer_id()));
-    !ui.text_edit_focused() && !is_behind
+    !ui.text_edit_focused() && !is_behind && !are_keys_listed(ui.ctx())
 }
 
 /// Whether Escape was pressed and is for what is drawn there, and for no menu or list that it closes, nor for a text that it gives up.

@@ -83,6 +83,15 @@ impl Session {
         self.saving = task.map(|task| (task, header));
     }
 
+    /// Writes it at once: the program ends.
+    ///
+    /// # Errors
+    /// If the file cannot be written, in words.
+    pub fn save_bake_now(&self, path: &Path) -> Result<(), String> {
+        let Some(shown) = &self.shown else { return Ok(()) };
+        archive::write(&shown.bake(), path).map_err(|error| format!("{}: {}", not_saved(path), in_words(&error.into())))
+    }
+
     /// A file is there.
     pub(super) fn written(&mut self, task: u64) {
         if let Some((_, header)) = self.saving.take_if(|(saving, _)| *saving == task) {
