@@ -96,9 +96,10 @@ pub struct CompressConfig {
     /// rank that a narrower one asks for, see [`shade`]. 0: none does.
     pub bright: f32,
     /// How rows and columns lie, where noise may be taken out of what is smooth: done with blocks whose error would otherwise
-    /// be greater than asked, if the halves tell that it helps. Tolerances of a rank alone ask for nothing. Without it a block that
-    /// samples do not suffice for may be farther from the matrix than the mean of its samples is: what is held against what
-    /// is smoothing and none, never the samples themselves.
+    /// be greater than asked, if the halves tell that it helps. With or without it such blocks are found in columns that are
+    /// divided by their noise, so that a few noisy ones do not drown the others; tolerances of a rank alone ask for neither. Without
+    /// it a block that samples do not suffice for may be farther from the matrix than the mean of its samples is: what is held
+    /// against what is smoothing and none, never the samples themselves.
     pub smoothing: Option<Arc<Smoothing>>,
     /// Groups of no more columns than that are kept as they were sampled, noise and all, each column a component of its own: for
     /// pictures whose noise is taken out afterwards. 0: none is.

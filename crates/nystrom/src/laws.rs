@@ -6,6 +6,7 @@ use std::{
 };
 
 mod adaptive;
+mod levelled;
 mod never_worse;
 mod properties;
 mod stability;

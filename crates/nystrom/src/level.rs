@@ -2,7 +2,8 @@
 //!
 //! Where a few columns are far noisier than the others, what is decomposed has their noise in its leading components, and what is
 //! quiet is dropped for it: then most columns would be nearer to the truth as they were sampled. Columns divided by the root of their
-//! noise are found as if all were as noisy as each other \[Leeb2021\], and are multiplied again in what is found.
+//! noise are found as if all were as noisy as each other \[Leeb2021\], and are multiplied again in what is found. Both halves are
+//! divided alike, which leaves them independent but for as many numbers as there are columns, and these know of no sign.
 
 use crate::{dense::Dense, means::Means};
 
@@ -19,7 +20,8 @@ pub(crate) struct Level {
 }
 
 impl Level {
-    /// Divides the columns; `goal` is the mean square error per entry that is allowed.
+    /// Divides the columns; `goal` is the mean square error per entry that is allowed, none where it is below 0. What is shared keeps all
+    /// divisors within √0.8 and √(columns / 5 + 1), whatever the noise.
     pub(crate) fn new(means: &Means, goal: f64) -> Self {
         let n_cols = means.mean.n_cols;
         let mut noises = vec![0.0; n_cols];
@@ -27,12 +29,13 @@ impl Level {
             let both = means.a.row(row).iter().zip(means.b.row(row));
             noises.iter_mut().zip(both).for_each(|(noise, (a, b))| *noise += 0.25 * f64::from(a - b).powi(2));
         }
-        let shared = SHARED * (means.noise_per_entry() + goal);
+        let shared = SHARED * (means.noise_per_entry() + goal.max(0.0));
         noises.iter_mut().for_each(|noise| *noise = *noise / means.mean.n_rows as f64 + shared);
         let mean = noises.iter().sum::<f64>() / n_cols as f64;
         let divisors: Vec<f32> =
             noises.iter().map(|noise| if mean > 0.0 { (noise / mean).sqrt() as f32 } else { 1.0 }).collect();
-        let divided = |rows: &Dense<f32>| scaled(rows, |col| 1.0 / divisors[col]);
+        let factors: Vec<f32> = divisors.iter().map(|divisor| 1.0 / divisor).collect();
+        let divided = |rows: &Dense<f32>| scaled(rows, &factors);
         let (a, b, mean) = (divided(&means.a), divided(&means.b), divided(&means.mean));
         let sums = |of: fn(f64, f64) -> f64| -> Vec<f64> {
             let of_row =
@@ -55,14 +58,15 @@ impl Level {
 
     /// Rows of divided columns as those of the columns themselves.
     pub(crate) fn multiplied(&self, rows: &Dense<f32>) -> Dense<f32> {
-        scaled(rows, |col| self.divisors[col])
+        scaled(rows, &self.divisors)
     }
 }
 
-fn scaled(rows: &Dense<f32>, factor: impl Fn(usize) -> f32) -> Dense<f32> {
+/// Each column times its factor.
+fn scaled(rows: &Dense<f32>, factors: &[f32]) -> Dense<f32> {
     let mut rows = rows.clone();
     for row in 0..rows.n_rows {
-        rows.row_mut(row).iter_mut().enumerate().for_each(|(col, x)| *x *= factor(col));
+        rows.row_mut(row).iter_mut().zip(factors).for_each(|(x, factor)| *x *= factor);
     }
     rows
 }
@@ -70,16 +74,26 @@ fn scaled(rows: &Dense<f32>, factor: impl Fn(usize) -> f32) -> Dense<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Random;
+    use crate::{
+        fit::Fit,
+        product::{coefficients, product},
+        random::Random,
+    };
 
-    #[test]
-    fn columns_are_as_noisy_as_each_other_but_for_what_they_share() {
+    /// Three columns of noise, each ten times that of the one before.
+    fn noisy() -> Means {
         let mut rng = Random::new([90, 0]);
         let noises = [1.0f32, 10.0, 100.0];
         let mut half = || (0..3 * 4000).map(|i| noises[i % 3] * rng.normal()).collect::<Vec<f32>>();
         let (a, b) = (half(), half());
         let mut means = Means::default();
         means.fill([&a, &b], 3, &(0..3), [1; 2]).unwrap();
+        means
+    }
+
+    #[test]
+    fn columns_are_as_noisy_as_each_other_but_for_what_they_share() {
+        let means = noisy();
         let level = Level::new(&means, 0.0);
         let squares: f32 = level.divisors.iter().map(|x| x * x).sum();
         assert!((squares - 3.0).abs() < 1e-4, "{:?}", level.divisors);
@@ -97,6 +111,50 @@ mod tests {
         let product = |row: &[f32], weights: &[f32]| row.iter().zip(weights).map(|(x, w)| x * w).sum::<f32>();
         let (plain, level) = (product(means.mean.row(0), &weights), product(row, &level.combination(&weights)));
         assert!((plain - level).abs() < 1e-4 * plain.abs().max(0.1), "{plain} and {level}");
+    }
+
+    #[test]
+    fn a_fit_is_the_same_matrix_when_its_columns_are_multiplied() {
+        let level = Level::new(&noisy(), 0.0);
+        for n_components in [0, 1, 2] {
+            let data = [0.6, 0.0, 0.8, 0.8, 0.0, -0.6][..3 * n_components].to_vec();
+            let basis = Dense { n_rows: n_components, n_cols: 3, data };
+            let [a, b] = [&level.means.a, &level.means.b].map(|half| coefficients(half, &basis));
+            let fit = Fit { basis, a, b, n_landmarks: 0 };
+            let back = fit.multiplied(&level);
+            assert_eq!([back.basis.n_rows, back.a.n_cols, back.b.n_cols], [n_components; 3]);
+            for (half, of_fit) in [(&back.a, &fit.a), (&back.b, &fit.b)] {
+                let (got, want) = (back.of(half), level.multiplied(&fit.of(of_fit)));
+                assert!(got.data.iter().zip(&want.data).all(|(x, y)| (x - y).abs() < 1e-5), "{n_components}");
+            }
+            let gram = product(back.basis.view(), back.basis.t());
+            let is_one = |(i, x): (usize, &f32)| (x - if i % (n_components + 1) == 0 { 1.0 } else { 0.0 }).abs() < 1e-6;
+            assert!(gram.data.iter().enumerate().all(is_one), "{gram:?}");
+        }
+    }
+
+    #[test]
+    fn no_divisor_leaves_its_bounds_whatever_the_noise_and_the_goal() {
+        // Magnitudes of columns are up to 1e30 apart, and only some have noise.
+        let magnitudes = [1.0f32, 1e-30, 1e-15, 1.0, 0.0, 1e-22];
+        let n_cols = magnitudes.len();
+        let a: Vec<f32> = (0..40 * n_cols).map(|i| magnitudes[i % n_cols] * (1.0 + (i % 7) as f32)).collect();
+        for noisy in [&[0][..], &[2, 5], &[0, 1, 2, 3, 4, 5]] {
+            let differs = |i: usize| if noisy.contains(&(i % n_cols)) { 1.5 } else { 1.0 };
+            let b: Vec<f32> = a.iter().enumerate().map(|(i, x)| x * differs(i)).collect();
+            let mut means = Means::default();
+            means.fill([&a, &b], n_cols, &(0..n_cols), [1; 2]).unwrap();
+            let noise = means.noise_per_entry();
+            for goal in [0.0, noise, 1e-40, 1e40] {
+                let level = Level::new(&means, goal);
+                let bounds = 0.89..(n_cols as f32 / 5.0 + 1.0).sqrt() * 1.01;
+                assert!(level.divisors.iter().all(|x| bounds.contains(x)), "{noisy:?} {goal}: {:?}", level.divisors);
+                assert!(level.means.mean.data.iter().all(|x| x.is_finite()));
+            }
+            // A goal that nothing meets is none.
+            let none = Level::new(&means, 0.0).divisors;
+            assert!([-1.1 * noise, -1.0].into_iter().all(|goal| Level::new(&means, goal).divisors == none));
+        }
     }
 
     #[test]

@@ -111,10 +111,10 @@ pub(crate) struct Smoother<'a> {
 type Band = [f64; 3];
 
 impl Smoother<'_> {
-    /// The factors of a smoothed block, and its held-out error in divided columns: fits to one smoothed half examined by the other half as it was
-    /// sampled. That is unbiased, and in one block mostly noise where much was smoothed away. So what the factors *tell* is
-    /// what their rank leaves of the smoothed halves, and what weights are expected to lose of a signal, `w (1 − w)` of the
-    /// noise of their band.
+    /// The factors of a smoothed block, and its held-out error in divided columns: fits to one smoothed half examined by the other
+    /// half as it was sampled. That is unbiased, and in one block mostly noise where much was smoothed away. So what the factors
+    /// *tell* is what their rank leaves of the smoothed halves, and what weights are expected to lose of a signal, `w (1 − w)` of
+    /// the noise of their band.
     pub(crate) fn factor(
         self,
         (means, level): (&Means, &Level),
@@ -130,6 +130,8 @@ impl Smoother<'_> {
         fits.iter_mut().for_each(|fit| _ = fit.keep(rank));
         let [of_a, of_b, _] = &fits;
         let held_out_error = held_out([&a, &b], &[of_a.of(&of_a.a), of_b.of(&of_b.b)]).iter().sum::<f64>();
+        // As many copies of a block as are needed, and no more, are what a thread takes.
+        drop([a, b]);
 
         let fits = fits.map(|fit| self.back(fit));
         let halves = [&mut smooth.a, &mut smooth.b].map(|half| level.multiplied(self.inverse(half)));

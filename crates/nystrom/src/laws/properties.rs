@@ -15,23 +15,23 @@ use crate::{
     stress::{Case, FLOOR, Ours, ours},
 };
 
-fn quick(cases: u32) -> ProptestConfig {
+pub(super) fn quick(cases: u32) -> ProptestConfig {
     // Nothing is written beside the sources: a failure prints what it takes to repeat it.
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
 
 /// A matrix that is made of few numbers, so that it can be made simpler.
 #[derive(Clone, Copy, Debug)]
-struct Recipe {
-    n_bundles: usize,
-    bundle_len: usize,
-    n_cols: usize,
+pub(super) struct Recipe {
+    pub(super) n_bundles: usize,
+    pub(super) bundle_len: usize,
+    pub(super) n_cols: usize,
     /// Each singular value over the one before.
-    decay: f32,
-    seed: u64,
+    pub(super) decay: f32,
+    pub(super) seed: u64,
 }
 
-fn recipes() -> impl Strategy<Value = Recipe> {
+pub(super) fn recipes() -> impl Strategy<Value = Recipe> {
     (1usize..40, 1usize..4, 1usize..80, 0.3f32..1.0, 0u64..1000)
         .prop_map(|(n_bundles, bundle_len, n_cols, decay, seed)| Recipe { n_bundles, bundle_len, n_cols, decay, seed })
 }
@@ -45,22 +45,33 @@ impl Recipe {
         self.n_rows().min(self.n_cols)
     }
 
-    fn truth(&self) -> DMatrix<f32> {
+    pub(super) fn truth(&self) -> DMatrix<f32> {
         let rng = &mut Random::new([self.seed, 71]);
         let dense = decaying(self.n_rows(), self.n_cols, self.lesser_side(), self.decay, rng);
         DMatrix::from_row_slice(self.n_rows(), self.n_cols, &dense.data)
     }
 
-    fn case(&self, truth: DMatrix<f32>, rank: usize) -> Case {
+    pub(super) fn case(&self, truth: DMatrix<f32>, rank: usize) -> Case {
         Case { name: "made up", halves: [truth.clone(), truth.clone()], truth, bundle_len: self.bundle_len, rank }
     }
 
     /// A noise of this standard deviation on each half.
-    fn noisy(&self, truth: DMatrix<f32>, rank: usize, noise: f32) -> Case {
+    pub(super) fn noisy(&self, truth: DMatrix<f32>, rank: usize, noise: f32) -> Case {
         let rng = &mut Random::new([self.seed, 72]);
         let mut case = self.case(truth, rank);
         case.halves.iter_mut().flat_map(|half| half.iter_mut()).for_each(|x| *x += noise * rng.normal());
         case
+    }
+
+    /// The same with bundles and columns in another order.
+    pub(super) fn shuffled(&self, case: &Case) -> Case {
+        let rng = &mut Random::new([self.seed, 73]);
+        let mut shuffled = |n: usize| rng.choose(&(0..n).collect::<Vec<_>>(), n);
+        let (bundles, cols) = (shuffled(self.n_bundles), shuffled(self.n_cols));
+        let members = |bundle: usize| bundle * self.bundle_len..(bundle + 1) * self.bundle_len;
+        let rows: Vec<usize> = bundles.into_iter().flat_map(members).collect();
+        let permuted = |matrix: &DMatrix<f32>| matrix.select_rows(&rows).select_columns(&cols);
+        Case { truth: permuted(&case.truth), halves: case.halves.each_ref().map(permuted), ..case.clone() }
     }
 }
 
@@ -95,7 +106,7 @@ fn fated(matrix: &DMatrix<f32>, fates: &[Fate]) -> DMatrix<f32> {
 }
 
 /// A matrix with rows and columns that are zero or copies of others, and a rank.
-fn singular() -> impl Strategy<Value = Case> {
+pub(super) fn singular() -> impl Strategy<Value = Case> {
     (recipes(), vec(fates(), 0..60), vec(fates(), 0..60), 1usize..24).prop_map(|(recipe, rows, cols, rank)| {
         let truth = fated(&fated(&recipe.truth(), &rows).transpose(), &cols).transpose();
         recipe.case(truth, rank)
@@ -134,13 +145,7 @@ proptest! {
         recipe in recipes(), rank in 1usize..20, noise in prop_oneof![Just(0f32), 0f32..0.3],
     ) {
         let case = recipe.noisy(recipe.truth(), rank, noise);
-        let rng = &mut Random::new([recipe.seed, 73]);
-        let mut shuffled = |n: usize| rng.choose(&(0..n).collect::<Vec<_>>(), n);
-        let (bundles, cols) = (shuffled(recipe.n_bundles), shuffled(recipe.n_cols));
-        let rows: Vec<usize> =
-            bundles.iter().flat_map(|bundle| (0..recipe.bundle_len).map(move |i| bundle * recipe.bundle_len + i)).collect();
-        let permuted = |matrix: &DMatrix<f32>| matrix.select_rows(&rows).select_columns(&cols);
-        let other = Case { truth: permuted(&case.truth), halves: case.halves.each_ref().map(permuted), ..case.clone() };
+        let other = recipe.shuffled(&case);
         let [one, two] = [&case, &other].map(answer);
         // Other landmarks are chosen. With noise, a component that hardly pays is kept in one order and dropped in the other.
         let share = if noise == 0.0 { 0.02 } else { 0.25 };

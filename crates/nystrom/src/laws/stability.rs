@@ -5,6 +5,7 @@ use crate::{
     means::Means,
     product::product,
     stress::{Baked, BakedError, Case, baked, cases, ours, refused},
+    unpacked::Unpacked,
     *,
 };
 
@@ -51,7 +52,7 @@ fn what_is_not_finite_is_named() {
 
 /// Distance from the truth of factors within a relative tolerance, before they are packed.
 fn within(case: &Case, tolerance: f32) -> f64 {
-    let (n_rows, n_cols) = case.truth.shape();
+    let n_cols = case.truth.ncols();
     let rows = case.halves.each_ref().map(|half| half.transpose().iter().copied().collect::<Vec<f32>>());
     let halves = rows.each_ref().map(Vec::as_slice);
     let samples = BlockSamples { halves, sparse: [&[]; 2], n_cols, bundle_len: case.bundle_len, n_samples: [1; 2] };
@@ -59,6 +60,12 @@ fn within(case: &Case, tolerance: f32) -> f64 {
     let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0 };
     let config = CompressConfig { max_rank: 1000, ..CompressConfig::default() };
     let factors = compress::unpacked(&samples, &group, &config, 0, &mut Means::default()).unwrap();
+    distance(case, &factors)
+}
+
+/// Distance of factors from the truth.
+pub(super) fn distance(case: &Case, factors: &Unpacked) -> f64 {
+    let (n_rows, n_cols) = case.truth.shape();
     let dense: Dense<f64> = product(factors.left.to_f64().view(), factors.right.to_f64().view());
     let rows = dense.data.iter().map(|x| x * factors.unit);
     case.distance(&nalgebra::DMatrix::from_row_iterator(n_rows, n_cols, rows))

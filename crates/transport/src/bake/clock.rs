@@ -126,7 +126,9 @@ impl Clock {
         let secs_per_block = measured.or_else(expected)?;
         let this_pass = pass.n_left() as f32 * secs_per_block;
 
-        let pace = pass.samples.map(|samples| Pace { samples, secs: secs_per_block }).or(self.of_ended);
+        // What was itself judged by a pass that ended judges none of yet more samples.
+        let own = measured.zip(pass.samples).map(|(secs, samples)| Pace { samples, secs });
+        let pace = own.or(self.of_ended);
         let others = self.passes.iter().enumerate().filter(|(nth, p)| *nth != self.running && p.n_left() > 0);
         let later: Option<f32> = others.map(|(_, p)| Some(p.n_left() as f32 * pace?.secs_at(p.samples?)?)).sum();
         Some(this_pass + later?)
@@ -182,6 +184,17 @@ mod tests {
         let last = run(&mut clock, 2, &mut now_secs, 100, 1.0);
         assert_eq!(last[..4], [None; 4], "the first blocks tell little of the others");
         assert_near(last[4], 95.0);
+    }
+
+    #[test]
+    fn a_pass_that_is_judged_by_another_one_judges_none() {
+        let mut now_secs = 0.0;
+        let mut clock = Clock::new(&[Some(4), Some(16), Some(64)], 100, 0, 1);
+        let first = run(&mut clock, 0, &mut now_secs, 100, 0.5);
+        assert!(first.iter().all(Option::is_none), "of 64 samples 4 tell nothing: {first:?}");
+        let second = run(&mut clock, 1, &mut now_secs, 100, 1.0);
+        assert_eq!(second[..4], [None; 4], "what 4 samples tell of 16 tells nothing of 64");
+        assert_near(second[4], 95.0 * 1.0 + 100.0 * 4.0);
     }
 
     #[test]

@@ -23,8 +23,9 @@ mod again;
 /// Blocks that are tried, and at least so many for each thread.
 const BLOCKS: usize = 48;
 const BLOCKS_PER_THREAD: usize = 3;
-/// Sums of the samples of a block that a thread holds at once, with what makes factors of them, whatever their rank.
-const COPIES: u64 = 16;
+/// Sums of the samples of a block that a thread holds at once, with what makes factors of them, whatever their rank: both parts of
+/// both halves and what is kept of them, the means, those of divided columns, and what is smoothed.
+const COPIES: u64 = 19;
 
 /// Coefficients of a block that are held while it is packed, first as they are and then rounded, over its factors in memory.
 const PACKING: f64 = 4.0;

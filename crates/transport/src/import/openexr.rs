@@ -1,5 +1,6 @@
 //! OpenEXR: the layer of a file that is its picture, as it is shown or as it is stored, in linear Rec. 709.
 
+use std::collections::HashSet;
 use std::io::{BufRead, Cursor, Seek};
 use std::path::Path;
 
@@ -147,6 +148,37 @@ struct Canvas<R> {
     offset: [i64; 2],
     into_rec709: Option<Mat3>,
     raster: R,
+    blocks: Blocks,
+}
+
+/// Which blocks of a file have come. The pixels of each come together, its first one before the others.
+struct Blocks {
+    /// Size of all but the last ones.
+    size: [usize; 2],
+    /// First pixel of the one that comes.
+    coming: Option<[usize; 2]>,
+    /// First pixels of all that came.
+    come: HashSet<[usize; 2]>,
+    /// Whether one came again: then another one is missing, as a file has only so many.
+    came_twice: bool,
+}
+
+impl Blocks {
+    /// None yet.
+    fn new(size: [u32; 2]) -> Blocks {
+        Blocks { size: size.map(|side| side as usize), coming: None, come: HashSet::new(), came_twice: false }
+    }
+
+    /// Takes note of a stored pixel.
+    fn note(&mut self, at: [usize; 2]) {
+        let is_beside = |first: [usize; 2]| {
+            at != first && at.iter().zip(first).zip(self.size).all(|((at, first), size)| at.wrapping_sub(first) < size)
+        };
+        if !self.coming.is_some_and(is_beside) {
+            self.coming = Some(at);
+            self.came_twice |= !self.come.insert(at);
+        }
+    }
 }
 
 impl<R: Raster> Canvas<R> {
@@ -157,6 +189,7 @@ impl<R: Raster> Canvas<R> {
         reason = "places within a picture whose size was checked"
     )]
     fn set(&mut self, at: Vec2<usize>, pixel: [f32; 3]) {
+        self.blocks.note([at.x(), at.y()]);
         let ([width, height], offset) = (self.size, self.offset);
         let (x, y) = (at.x() as i64 + offset[0], at.y() as i64 + offset[1]);
         if (0..i64::from(width)).contains(&x) && (0..i64::from(height)).contains(&y) {
@@ -189,13 +222,13 @@ pub(super) fn decode_into<R: Raster>(
 ) -> Result<(Decoded<R>, Windows), String> {
     let (windows, channels, colors) = layer(&headers(Cursor::new(bytes))?, wanted, check)?;
     let (matrix, remark) = colors.map_or_else(|why| (None, Some(why)), |matrix| (matrix, None));
-    let Windows { stored, shown, offset, .. } = windows;
+    let Windows { stored, shown, offset, block } = windows;
     let (size, offset) = match wanted {
         Wanted::Shown => (shown, offset),
         Wanted::Stored => (stored, [0; 2]),
     };
     let into_rec709 = matrix.map(|matrix| matrix.as_mat3());
-    let empty = || Canvas { size, offset, into_rec709, raster: raster(size) };
+    let empty = || Canvas { size, offset, into_rec709, raster: raster(size), blocks: Blocks::new(block) };
     let levels = exr::prelude::read().no_deep_data().largest_resolution_level().specific_channels();
     // Other channels are passed over, however many there are.
     let canvas = match channels {
@@ -215,6 +248,9 @@ pub(super) fn decode_into<R: Raster>(
             image.from_buffered(Cursor::new(bytes)).map_err(of_exr)?.layer_data.channel_data.pixels
         }
     };
+    if canvas.blocks.came_twice {
+        return Err("it holds a part of its pixels twice in place of another one; write it anew".into());
+    }
     Ok((Decoded { size, raster: canvas.raster, is_converted: matrix.is_some(), remark }, windows))
 }
 
@@ -295,6 +331,23 @@ mod tests {
             assert!(why.contains("outside of its display window of 4 × 2"), "{why}");
             let stored = decode(&beside, Wanted::Stored, Threads::Many, &|_| Ok(())).unwrap();
             assert_eq!(stored.pixels, [1.0, 2.0, 3.0, 4.0].map(|value| [value; 3]));
+        }
+    }
+
+    #[test]
+    fn a_part_that_comes_twice_in_place_of_another_is_refused() {
+        let whole = exr(vec![channel("Y", &RAMP)], (4, 2), Encoding::UNCOMPRESSED, [0, 0]);
+        // Two lines end the file, each four numbers behind its height and its length; before them stands where they begin.
+        let first = whole.len() - 2 * (8 + 4 * 4);
+        let [mut same_place, mut same_height] = [whole.clone(), whole.clone()];
+        same_place.copy_within(first - 16..first - 8, first - 8);
+        same_height.copy_within(first..first + 4, first + 24);
+        for threads in [Threads::One, Threads::Many] {
+            assert!(decode(&whole, Wanted::Stored, threads, &|_| Ok(())).is_ok());
+            for twice in [&same_place, &same_height] {
+                let why = decode(twice, Wanted::Stored, threads, &|_| Ok(())).expect_err("a line is missing");
+                assert!(why.contains("twice"), "{why}");
+            }
         }
     }
 
