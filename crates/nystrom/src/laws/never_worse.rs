@@ -115,7 +115,7 @@ fn most_columns_are_never_worse_than_what_was_sampled() {
         };
         let truth: Vec<f32> = (0..N_ROWS * N_COLS).map(entry).collect();
         let mut sample = |at: usize, x: &f32| {
-            let rare = if at % N_COLS % 32 == 0 && rng.unit() < 0.02 { 60.0 } else { 0.0 };
+            let rare = if (at % N_COLS).is_multiple_of(32) && rng.unit() < 0.02 { 60.0 } else { 0.0 };
             x + rare + 0.2 * rng.normal()
         };
         let [a, b] = [(); 2].map(|()| truth.iter().enumerate().map(|(at, x)| sample(at, x)).collect::<Vec<f32>>());
