@@ -7,7 +7,6 @@ use std::f32::consts::TAU;
 use glam::{Quat, Vec2, Vec3};
 
 use crate::bvh::Ray;
-use crate::clearance::{clearance, offset_origin, rounding};
 use crate::emitters::{Emitter, punctual_falloff};
 use crate::prepared::PreparedScene;
 use crate::sampler::{Sampler, uniform_sphere};
@@ -94,13 +93,11 @@ fn rays<'a>(scene: &'a PreparedScene, emitter: &'a Emitter, n_rays: u32) -> Opti
 /// A ray off a point of a triangle: what would leave the back of a single-sided one leaves its front, the other way.
 fn leaving(scene: &PreparedScene, triangle: u32, position: Vec3, toward: Vec3) -> [Vec3; 2] {
     let [a, b, c] = scene.scene.mesh.corners(triangle);
-    let across = (b - a).cross(c - a);
-    let front = across.normalize_or(Vec3::Y);
+    let front = (b - a).cross(c - a).normalize_or(Vec3::Y);
     let turned = toward.dot(front) < 0.0 && !scene.material(triangle).double_sided;
     let toward = if turned { -toward } else { toward };
     let outward = if toward.dot(front) < 0.0 { -front } else { front };
-    let clear = clearance(b - a, c - a, across) + rounding(position, outward, scene.extent());
-    [offset_origin(position + outward * clear, outward, scene.extent()), toward]
+    [scene.off_triangle(triangle, position, outward), toward]
 }
 
 /// How often rays meet walls of each node; `None` if one meets none.
