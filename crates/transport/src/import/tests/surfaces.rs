@@ -308,6 +308,16 @@ fn unknown_material_extensions_are_named_with_their_material() {
     assert!(line.contains("KHR_materials_dispersion") && line.contains("prism"), "{line}");
 }
 
+#[test]
+fn lights_of_extensions_that_are_not_read_are_named_as_missing() {
+    for name in ["EPIC_hdri_backdrops", "EPIC_sky_spheres", "KHR_lights", "KHR_lights_common", "MOZ_hubs_components"] {
+        let mut fixture = Fixture::triangle();
+        fixture.root["extensionsUsed"] = json!([name]);
+        let told = fixture.load().report.unsupported;
+        assert!(matches!(&told[..], [one] if one.starts_with(name) && one.contains("light")), "{told:?}");
+    }
+}
+
 /// A quad with texture coordinates and one texture.
 fn textured() -> Fixture {
     let mut fixture = Fixture::triangle().placed();
