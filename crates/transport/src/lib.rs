@@ -40,6 +40,7 @@ pub mod sampler;
 pub mod scene;
 pub mod sensors;
 mod shared;
+mod sheets;
 pub mod skips;
 pub mod sky;
 mod slabs;

@@ -13,6 +13,7 @@ use crate::enclosed;
 use crate::remote;
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
+use crate::sheets;
 use crate::skips::{Skip, Skips, Spared};
 use crate::slabs::{Slabs, hidden};
 use crate::stop::Stop;
@@ -174,6 +175,7 @@ impl PreparedScene {
         warnings.extend(remote::warning(&prepared.scene));
         warnings.extend(hidden::warnings(&prepared));
         warnings.extend(enclosed::warnings(&prepared));
+        warnings.extend(sheets::warning(&prepared));
         warnings.extend(unlit::brighten(&mut prepared));
         stop.check()?;
         Ok((prepared, warnings))
@@ -331,6 +333,14 @@ impl PreparedScene {
         let extent = self.extent;
         let clearance = clearance(ab, ac, across) + rounding(position, normal, extent);
         SurfaceHit { triangle: hit.triangle, t: hit.t, position, barycentric, normal, clearance, extent }
+    }
+
+    /// Where a ray begins that leaves a point of a triangle to the side of `outward`, a unit vector across the triangle.
+    pub(crate) fn off_triangle(&self, triangle: u32, position: Vec3, outward: Vec3) -> Vec3 {
+        let [a, b, c] = self.scene.mesh.corners(triangle);
+        let (ab, ac) = (b - a, c - a);
+        let clear = clearance(ab, ac, ab.cross(ac)) + rounding(position, outward, self.extent);
+        offset_origin(position + outward * clear, outward, self.extent)
     }
 
     /// The point of a triangle with two of its barycentric coordinates.

@@ -134,6 +134,7 @@ pub(super) fn build_geometry(
     }
     check_load(reader, scene, placed, indices)?;
     let skeletons = Skeletons::place(reader, skins, placed);
+    let uv_sets: Vec<[bool; 2]> = scene.materials.iter().map(uv_sets).collect();
     let mut jobs = Vec::new();
     for ((placed, node_idx), name) in placed.iter().zip(indices).zip(&names) {
         let node = &document.nodes[placed.index];
@@ -152,11 +153,31 @@ pub(super) fn build_geometry(
             jobs.extend(mesh.primitives.iter().map(|primitive| {
                 let material = slots.at_node(node_idx, primitive);
                 let tangent_map = scene.materials[material as usize].tangent_map();
-                Job { primitive, weights, world_from_mesh, joints, material, node: node_idx, tangent_map, name }
+                let uv_sets = uv_sets[material as usize];
+                Job {
+                    primitive,
+                    weights,
+                    world_from_mesh,
+                    joints,
+                    material,
+                    node: node_idx,
+                    tangent_map,
+                    uv_sets,
+                    name,
+                }
             }));
         }
     }
     Ok(jobs.par_iter().map(|job| geometry::build(reader, job)).collect())
+}
+
+/// Which sets of texture coordinates place textures of a material.
+fn uv_sets(material: &Material) -> [bool; 2] {
+    let (mut material, mut sets) = (material.clone(), [false; 2]);
+    for texture in material.texture_slots().into_iter().flatten() {
+        sets[usize::from(texture.uv_set.min(1))] = true;
+    }
+    sets
 }
 
 /// Least bytes of JSON that place a node.

@@ -309,6 +309,34 @@ mod tests {
     }
 
     #[test]
+    fn what_a_head_says_of_its_values_and_is_passed_over_is_told() {
+        let of = |line: &str| {
+            let head = format!("#?RADIANCE\n{line}");
+            decode_sky("a.hdr", &[head.as_bytes(), &hdr()["#?RADIANCE".len()..]].concat()).unwrap()
+        };
+        let (plain, _) = decode_sky("a.hdr", &hdr()).unwrap();
+        for line in ["GAMMA=1", "GAMMA= 1.000", "EXPOSURE=          1.0000000000000", "COLORCORR=1 1 1"] {
+            assert!(of(line) == (plain.clone(), Vec::new()), "{line}");
+        }
+        for (line, key) in [("GAMMA=2.2", "`GAMMA`"), ("EXPOSURE=1,5", "`EXPOSURE`"), ("COLORCORR=2", "`COLORCORR`")] {
+            let (map, warnings) = of(line);
+            assert!(map == plain && warnings.len() == 1 && warnings[0].contains(key), "{line}: {warnings:?}");
+        }
+        for (luminance, n_told) in [(None, 0), (Some(1.0), 0), (Some(0.0), 0), (Some(179.0), 1)] {
+            let channel = AnyChannel::new("Y", FlatSamples::F32(vec![3.0; 2]));
+            let attributes = LayerAttributes { white_luminance: luminance, ..LayerAttributes::default() };
+            let channels = AnyChannels::sort([channel].into_iter().collect());
+            let image = Image::from_layer(Layer::new((2, 1), attributes, Encoding::FAST_LOSSLESS, channels));
+            let mut bytes = Cursor::new(Vec::new());
+            image.write().to_buffered(&mut bytes).unwrap();
+            let (map, warnings) = decode_sky("a.exr", bytes.get_ref()).unwrap();
+            assert_eq!(map.pixels(), [[3.0; 3]; 2]);
+            let told = warnings.iter().filter(|line| line.contains("`whiteLuminance`")).count();
+            assert_eq!((told, warnings.len()), (n_told, n_told), "{warnings:?}");
+        }
+    }
+
+    #[test]
     fn a_sun_that_overflowed_is_bright_and_told_of() {
         let (map, warnings) = decode_sky("a.exr", &exr(&[("Y", [1.0, f32::INFINITY])])).unwrap();
         assert_eq!(map.pixels(), [[1.0; 3], [65504.0; 3]]);

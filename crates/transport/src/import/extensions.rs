@@ -47,11 +47,19 @@ const WITHOUT_EFFECT: &[&str] = &[
 
 /// What a known extension would have done, for the report.
 const LEFT_OUT: &[(&str, &str)] = &[
+    ("EPIC_hdri_backdrops", "its backdrop and the light of that are left out; give the picture as a sky"),
+    ("EPIC_sky_spheres", "its sky and the light of that are left out; give it a sky here"),
     ("EXT_lights_image_based", "its environment light is left out"),
     ("KHR_animation_pointer", "animations are not played"),
+    ("KHR_lights", "its lights are left out; export them as KHR_lights_punctual"),
+    ("KHR_lights_common", "its lights are left out; export them as KHR_lights_punctual"),
     ("KHR_materials_dispersion", "glass does not split colors"),
     (VARIANTS, "the materials that the file shows by default are shown"),
     ("KHR_texture_basisu", "KTX2 textures without a PNG or JPEG twin are a checkerboard as base color, else left out"),
+    (
+        "MOZ_hubs_components",
+        "its components are left out, lights and skies among them; export lights as KHR_lights_punctual",
+    ),
     ("MSFT_texture_dds", "DDS textures without a PNG or JPEG twin are a checkerboard as base color, else left out"),
 ];
 

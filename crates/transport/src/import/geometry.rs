@@ -32,6 +32,8 @@ pub(super) struct Job<'a> {
     pub node: u32,
     /// Texture that the material's tangents follow: without one no tangents are kept.
     pub tangent_map: Option<TextureRef>,
+    /// Whether each set of texture coordinates places textures of the material.
+    pub uv_sets: [bool; 2],
     /// Name for report lines.
     pub name: &'a str,
 }
@@ -154,6 +156,14 @@ impl Vertices {
                 Some(Vec4::from(color)).filter(|color| color.is_finite()).unwrap_or(Vec4::ONE).max(Vec4::ZERO)
             };
             self.colors = colors.unwrap_or_default().into_iter().map(finite).collect();
+        }
+        for (set, _) in job.uv_sets.iter().enumerate().filter(|(_, places_textures)| **places_textures) {
+            if accessor_of(Semantic::TexCoords(set as u32)).is_none() {
+                notes.warn(format!(
+                    "{}: it has no texture coordinates {set}, which place textures of its material: they show a single color",
+                    job.name
+                ));
+            }
         }
         let beyond = |key: &Checked<Semantic>| matches!(key, Checked::Valid(Semantic::TexCoords(2..)));
         if job.primitive.attributes.keys().any(beyond) {

@@ -1,7 +1,9 @@
 //! Which nodes are shown, and where they stand.
 
+use std::collections::BTreeSet;
+
 use glam::{DMat3, DMat4, DQuat, DVec3};
-use gltf::json::{Node, Root};
+use gltf::json::{Node, Root, Scene};
 use serde_json::Value;
 
 use super::accessor::{Integers, Reader};
@@ -93,6 +95,7 @@ fn roots(document: &Root, notes: &mut Notes) -> Vec<usize> {
         document.get(index)
     });
     if let Some(scene) = asked.or(document.scenes.first()) {
+        note_other_scenes(document, scene, notes);
         return scene.nodes.iter().map(|node| node.value()).collect();
     }
     let mut is_child = vec![false; document.nodes.len()];
@@ -102,6 +105,20 @@ fn roots(document: &Root, notes: &mut Notes) -> Vec<usize> {
         }
     }
     (0..is_child.len()).filter(|&index| !is_child[index]).collect()
+}
+
+/// Tells of scenes with nodes that the shown one does not have: lamps and furniture may be among them.
+fn note_other_scenes(document: &Root, shown: &Scene, notes: &mut Notes) {
+    if document.scenes.len() < 2 {
+        return;
+    }
+    let own: BTreeSet<usize> = shown.nodes.iter().map(|node| node.value()).collect();
+    for (index, scene) in document.scenes.iter().enumerate() {
+        if scene.nodes.iter().any(|node| !own.contains(&node.value())) {
+            let name = called("scene", index, scene.name.as_ref());
+            notes.unsupported(format!("{name}: only one scene of a file is shown: it is left out"));
+        }
+    }
 }
 
 /// The node's matrix, or its translation · rotation · scale.

@@ -25,7 +25,7 @@ pub(super) fn lamp(
         return None;
     };
     let name = called("lamp", index.value(), light.name.as_ref());
-    let Some(kind) = kind(light) else {
+    let Some(kind) = kind(light, &name, notes) else {
         notes.warn(format!("{name}: its type is not known: it is left out"));
         return None;
     };
@@ -59,7 +59,10 @@ pub(super) fn white_point(placed: &PlacedNode, node_idx: u32) -> PunctualLight {
     }
 }
 
-fn kind(light: &Light) -> Option<PunctualKind> {
+/// By how much angles of a cone may be off as they are written, radians.
+const ROUNDED: f32 = 1e-3;
+
+fn kind(light: &Light, name: &str, notes: &mut Notes) -> Option<PunctualKind> {
     let Checked::Valid(kind) = light.type_ else { return None };
     Some(match kind {
         Type::Point => PunctualKind::Point,
@@ -70,6 +73,13 @@ fn kind(light: &Light) -> Option<PunctualKind> {
             let angle = |value: f32, default: f32| if value.is_finite() { value } else { default };
             let outer_rad = angle(outer, FRAC_PI_4).clamp(1e-3, FRAC_PI_2);
             let inner_rad = angle(inner, 0.0).clamp(0.0, outer_rad);
+            if (inner_rad - inner).abs().max((outer_rad - outer).abs()) > ROUNDED {
+                let [asked, used] = [[inner, outer], [inner_rad, outer_rad]].map(|cone| cone.map(f32::to_degrees));
+                notes.warn(format!(
+                    "{name}: its cone of full light up to {:.1}° and none from {:.1}° on is out of range: {:.1}° and {:.1}° are used",
+                    asked[0], asked[1], used[0], used[1]
+                ));
+            }
             PunctualKind::Spot { inner_rad, outer_rad }
         }
     })

@@ -105,11 +105,11 @@ impl Windows {
     }
 }
 
-/// What makes colors those of Rec. 709, `None` where they are that already; or why the primaries that are stated are none.
-type IntoRec709 = Result<Option<DMat3>, String>;
+/// What makes colors those of Rec. 709, `None` where they are that already; and what is odd about its values and passed over, in words.
+type Values = (Option<DMat3>, Vec<String>);
 
 /// The layer that is the picture, its channels, and what its colors become. Sizes that are wanted are checked.
-fn layer(headers: &[Header], wanted: Wanted, check: Check) -> Result<(Windows, Channels, IntoRec709), String> {
+fn layer(headers: &[Header], wanted: Wanted, check: Check) -> Result<(Windows, Channels, Values), String> {
     let (header, channels) = channels::of_picture(headers)?;
     let display = header.shared_attributes.display_window;
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
@@ -138,7 +138,17 @@ fn layer(headers: &[Header], wanted: Wanted, check: Check) -> Result<(Windows, C
         Channels::Xyz(_) => Ok(Some(REC709_FROM_XYZ)),
         Channels::Color(_) => header.shared_attributes.chromaticities.map_or(Ok(None), |stated| into_rec709(&stated)),
     };
-    Ok((windows, channels, colors))
+    let (into_rec709, why_not) = colors.map_or_else(|why| (None, Some(why)), |matrix| (matrix, None));
+    let remarks = why_not.into_iter().chain(header.own_attributes.white_luminance.and_then(of_white)).collect();
+    Ok((windows, channels, (into_rec709, remarks)))
+}
+
+/// What is said of a file that states how bright its 1 is, cd/m²: many mean a display by that, so nothing is multiplied.
+fn of_white(luminance: f32) -> Option<String> {
+    let is_news = luminance > 0.0 && luminance != 1.0;
+    is_news.then(|| {
+        format!("it states that its 1 is {luminance} cd/m² (`whiteLuminance`), which is passed over: its numbers are taken as they are")
+    })
 }
 
 /// Takes the pixels of a file, and hands on those that are wanted.
@@ -220,8 +230,8 @@ pub(super) fn decode_into<R: Raster>(
     check: Check,
     raster: &dyn Fn([u32; 2]) -> R,
 ) -> Result<(Decoded<R>, Windows), String> {
-    let (windows, channels, colors) = layer(&headers(Cursor::new(bytes))?, wanted, check)?;
-    let (matrix, remark) = colors.map_or_else(|why| (None, Some(why)), |matrix| (matrix, None));
+    let (windows, channels, (matrix, remarks)) = layer(&headers(Cursor::new(bytes))?, wanted, check)?;
+    let remark = (!remarks.is_empty()).then(|| remarks.join("; "));
     let Windows { stored, shown, offset, block } = windows;
     let (size, offset) = match wanted {
         Wanted::Shown => (shown, offset),

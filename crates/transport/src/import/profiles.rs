@@ -75,8 +75,13 @@ impl<'a> Profiles<'a> {
             notes.warn(format!("{name}: its measured distribution cannot be had: its plain lamp shines instead"));
             return Some(plain.clone());
         }
+        let asked = color(instance);
+        let tint = asked.unwrap_or(Vec3::ONE).clamp(Vec3::ZERO, Vec3::ONE);
+        if asked != Some(tint) {
+            notes.warn(format!("{name}: the color of its distribution is out of range: {tint} is used"));
+        }
         let lamp = plain.unwrap_or(bare);
-        let color = lamp.color * color(instance).unwrap_or(Vec3::ONE);
+        let color = lamp.color * tint;
         let max_candela = profile.map(|profile| self.loaded[profile as usize].max_candela());
         if max_candela.is_none() {
             notes.warn(format!(
@@ -138,12 +143,13 @@ fn multiplier(instance: &Value) -> Option<f32> {
     multiplier.as_f64().map(|x| x as f32).filter(|x| x.is_finite() && *x >= 0.0)
 }
 
-/// Linear RGB, each 0 to 1; `None` where the file gives none.
+/// Linear RGB, white where the file says nothing, `None` for what is no color.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "no more profiles than nodes; numbers that single precision has no room for become infinite and are refused"
 )]
 fn color(instance: &Value) -> Option<Vec3> {
-    let channel = |c: usize| Some(instance.get("color")?.get(c)?.as_f64()? as f32);
-    Some(Vec3::new(channel(0)?, channel(1)?, channel(2)?).clamp(Vec3::ZERO, Vec3::ONE))
+    let Some(color) = instance.get("color") else { return Some(Vec3::ONE) };
+    let channel = |c: usize| Some(color.get(c)?.as_f64()? as f32);
+    Some(Vec3::new(channel(0)?, channel(1)?, channel(2)?))
 }

@@ -69,6 +69,7 @@ pub(super) fn decode_into<R: Raster>(
     }
     let colors = colors(&head.custom_attributes);
     let into_rec709 = colors.as_ref().ok().copied().flatten().map(|matrix| matrix.as_mat3());
+    let remarks: Vec<String> = colors.err().into_iter().chain(passed_over(&head.custom_attributes)).collect();
     let mut raster = raster(size);
     let [width, height] = size.map(|side| side as usize);
     let mut row = Vec::new();
@@ -81,7 +82,12 @@ pub(super) fn decode_into<R: Raster>(
             raster.put(x, y, into_rec709.as_ref().map_or(pixel, |matrix| converted(matrix, pixel)));
         }
     }
-    Ok(Decoded { size, raster, is_converted: into_rec709.is_some(), remark: colors.err() })
+    Ok(Decoded {
+        size,
+        raster,
+        is_converted: into_rec709.is_some(),
+        remark: (!remarks.is_empty()).then(|| remarks.join("; ")),
+    })
 }
 
 /// Width, height and head of a file, which is read up to its first row.
@@ -107,6 +113,28 @@ fn colors(head: &[(String, String)]) -> Result<Option<DMat3>, String> {
         return Err("its `PRIMARIES` are not eight numbers: its colors are taken as those of Rec. 709".into());
     };
     into_rec709_from([[red_x, red_y], [green_x, green_y], [blue_x, blue_y], [white_x, white_y]], "PRIMARIES")
+}
+
+/// What the head tells of its values and cannot be heeded, in words. Some programs write that their gamma is 1, which is no news.
+fn passed_over(head: &[(String, String)]) -> impl Iterator<Item = String> {
+    let n_numbers = |words: &str| words.split_whitespace().map_while(|word| word.parse::<f32>().ok()).count();
+    head.iter().filter_map(move |(key, words)| match key.as_str() {
+        "GAMMA" if words.trim().parse::<f32>() != Ok(1.0) => {
+            Some(format!("its `GAMMA` of {} is passed over: its values are taken as linear", shortened(words)))
+        }
+        "EXPOSURE" if words.trim().parse::<f32>().is_err() => {
+            Some(format!("its `EXPOSURE` of {} is no number and passed over", shortened(words)))
+        }
+        "COLORCORR" if n_numbers(words) < 3 => {
+            Some(format!("its `COLORCORR` of {} are not three numbers and passed over", shortened(words)))
+        }
+        _ => None,
+    })
+}
+
+/// As much as a line of a report holds.
+fn shortened(words: &str) -> String {
+    words.trim().chars().take(40).collect()
 }
 
 /// Width and height from the head of a file.

@@ -10,7 +10,7 @@ use thiserror::Error;
 use super::body::Body;
 use super::light::{Form, Lamp};
 use super::units::{lumen_per_candela, native_strength};
-use super::{FreeLamp, LampShape};
+use super::{FreeLamp, LampShape, LampUnit};
 use crate::clearance::{offset_origin, rounding};
 use crate::import::read_profile;
 use crate::patches::PatchSample;
@@ -286,6 +286,12 @@ fn prepare(
         let value = emission.max_element();
         return Err(value_error(lamp, "strength with its color and intensity", value, "what can be shown"));
     }
+    if lamp.unit == LampUnit::Nit && lamp.strength > 0.0 && body.is_some_and(|(_, area_m2)| area_m2 <= 0.0) {
+        warnings.push(format!(
+            "lamp `{}` has no area, so that it sends no light by its nit; give it a size, or its strength in lm or cd",
+            lamp.key
+        ));
+    }
     if lamp.aim == lamp.position && lamp.shape.is_aimed() {
         warnings.push(format!("lamp `{}` aims at itself; it shines down", lamp.key));
     }
@@ -365,5 +371,20 @@ mod tests {
         let (able, errors) = PreparedLamps::able(&[gone, lamp(LampShape::Point)], None);
         assert!(able.emission("lamp").is_some() && able.emission("gone").is_none());
         assert!(matches!(&errors[..], [LampError::Profile { key, .. }] if key == "gone"), "{errors:?}");
+    }
+
+    #[test]
+    fn a_body_without_area_that_counts_in_nit_is_told_to_be_dark() {
+        let told = |shape: LampShape, unit: LampUnit| {
+            let (lamps, warnings) = PreparedLamps::new(&[FreeLamp { unit, ..lamp(shape) }], None).expect("a lamp");
+            assert!(warnings.iter().all(|words| words.contains("`lamp` has no area")), "{warnings:?}");
+            (lamps.is_empty(), warnings.len())
+        };
+        let (line, none) = (LampShape::Rectangle { size_m: [1.2, 0.0] }, LampShape::Sphere { radius_m: 0.0 });
+        for shape in [&line, &none] {
+            assert_eq!(told(shape.clone(), LampUnit::Nit), (true, 1));
+            assert_eq!(told(shape.clone(), LampUnit::Candela), (false, 0));
+        }
+        assert_eq!(told(LampShape::Disk { radius_m: 0.1 }, LampUnit::Nit), (false, 0));
     }
 }

@@ -24,6 +24,9 @@ fn tilt_of(line: &str) -> Option<&str> {
 
 /// What is said of a file that the format does not allow.
 const DECIMAL_COMMAS: &str = "its decimals have commas for points, and are read so";
+/// What is said of a lamp whose light depends on how it hangs.
+const TILTED: &str =
+    "its table of how the light changes as the lamp is tilted is passed over: it shines as it was measured";
 
 /// Reads what follows the head; `tilt` is the index of its last line. Commas stand between numbers, unless the file holds just as many
 /// as it announces only with commas for decimal points.
@@ -45,9 +48,10 @@ pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Read, Fault> {
 #[expect(clippy::arithmetic_side_effects, reason = "a line number, and counts of at most `MAX_ANGLES`")]
 fn read_by(lines: &[&str], tilt: usize, comma: Comma) -> Result<(Read, usize), Fault> {
     let mut numbers = Numbers::new(lines, tilt + 1, comma);
-    if tilt_of(lines[tilt]).is_some_and(|tilt| tilt.eq_ignore_ascii_case("INCLUDE")) {
-        skip_tilt(&mut numbers)?;
-    }
+    let changes_as_it_tilts = match tilt_of(lines[tilt]).unwrap_or_default() {
+        included if included.eq_ignore_ascii_case("INCLUDE") => skip_tilt(&mut numbers)?,
+        none_or_file => !none_or_file.is_empty() && !none_or_file.eq_ignore_ascii_case("NONE"),
+    };
     numbers.next("the number of lamps")?;
     numbers.next("the lumens of a lamp")?;
     let multiplier = numbers.factor("the multiplier")?;
@@ -88,20 +92,20 @@ fn read_by(lines: &[&str], tilt: usize, comma: Comma) -> Result<(Read, usize), F
     let symmetry = symmetry(planes, &measured.horizontal_deg).map_err(|reason| Fault { line, reason })?;
     let table = measured.into_table(symmetry);
     let n_left = numbers.n_left();
-    let mut remarks = remarks_on(n_negative, n_repeats);
-    if n_left > 0 {
-        remarks.push(format!("{n_left} numbers follow the last intensity that it announces: they are passed over"));
+    let mut remarks = remarks_on(n_negative, n_repeats, n_left);
+    if changes_as_it_tilts {
+        remarks.push(TILTED.to_owned());
     }
     Ok((Read { table, watts: Some(input_watts), remarks }, n_left))
 }
 
-/// How intensities change as the luminaire is tilted; it hangs here as it was measured.
-fn skip_tilt(numbers: &mut Numbers) -> Result<(), Fault> {
+/// Passes over how intensities change as the luminaire is tilted, and tells whether they do; it hangs here as it was measured.
+fn skip_tilt(numbers: &mut Numbers) -> Result<bool, Fault> {
     numbers.next("the lamp's place in the luminaire")?;
     let n = numbers.count("the number of tilt angles", 1..=MAX_ANGLES)?;
     numbers.list(n, "tilt angle")?;
-    numbers.list(n, "tilt factor")?;
-    Ok(())
+    let factors = numbers.list(n, "tilt factor")?;
+    Ok(factors.iter().any(|&factor| factor != 1.0))
 }
 
 /// Up to 1995 the field is a factor; it is reserved in 2002 and a code for the origin of the file in 2019. The year stands in

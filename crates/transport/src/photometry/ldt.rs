@@ -48,7 +48,9 @@ pub(super) fn read(lines: &[&str]) -> Result<Read, Fault> {
     let (candela, n_negative) = numbers.candela(horizontal_deg.len() * n_angles, factor * flux_lm / 1000.0)?;
     let measured = Measured { planes: Planes::C, vertical_deg, horizontal_deg, candela };
     let (measured, n_repeats) = measured.without_repeats(line_of_angles)?;
-    let remarks = unused.into_iter().chain(remarks_on(n_negative, n_repeats)).collect();
+    let sets = (n_sets > 1).then(|| format!("it has {n_sets} sets of lamps: the first one counts, of {flux_lm} lm"));
+    let remarks = remarks_on(n_negative, n_repeats, numbers.n_left());
+    let remarks = unused.into_iter().chain(sets).chain(remarks).collect();
     Ok(Read { table: measured.into_table(symmetry), watts, remarks })
 }
 

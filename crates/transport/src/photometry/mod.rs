@@ -169,13 +169,15 @@ impl PhotometricProfile {
     }
 }
 
-/// What is said of intensities below 0 and of angles that stand there twice.
-fn remarks_on(n_negative: usize, n_repeats: usize) -> Vec<String> {
+/// What is said of intensities below 0, of angles that stand there twice, and of numbers behind the last one.
+fn remarks_on(n_negative: usize, n_repeats: usize, n_left: usize) -> Vec<String> {
     let negative = (n_negative > 0)
         .then(|| format!("{n_negative} intensities are a little less than 0, as noise leaves them: they count as 0"));
     let repeats = (n_repeats > 0)
         .then(|| format!("{n_repeats} angles stand there twice with the same intensities: they count once"));
-    negative.into_iter().chain(repeats).collect()
+    let left = (n_left > 0)
+        .then(|| format!("{n_left} numbers follow the last intensity that it announces: they are passed over"));
+    negative.into_iter().chain(repeats).chain(left).collect()
 }
 
 /// Power as it may be: makers who do not know it write 0.

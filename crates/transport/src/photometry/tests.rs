@@ -171,6 +171,32 @@ fn factors_of_the_file_scale_intensities() {
 }
 
 #[test]
+fn tables_of_tilts_further_sets_of_lamps_and_planes_that_a_symmetry_leaves_out_are_told() {
+    let plain = ies(1, &[0.0, 90.0], &[0.0], &[100.0, 50.0]);
+    for (tilt, n_told) in [
+        ("TILT=NONE", 0),
+        ("TILT=INCLUDE\r\n1\r\n2\r\n0 90\r\n1 1", 0),
+        ("TILT=INCLUDE\r\n1\r\n2\r\n0 90\r\n1 0.8", 1),
+        ("TILT=lamp.tlt", 1),
+    ] {
+        let profile = parsed(&plain.replace("TILT=NONE", tilt));
+        assert_eq!(profile.light_bytes(), parsed(&plain).light_bytes(), "{tilt}");
+        let told = profile.remarks();
+        assert!(told.len() == n_told && told.iter().all(|remark| remark.contains("tilted")), "{tilt}: {told:?}");
+    }
+    let round = ldt(1, &[9.0; 3]);
+    assert!(parsed(&round).remarks().is_empty(), "{:?}", parsed(&round).remarks());
+    let mut lines: Vec<&str> = round.lines().collect();
+    lines[25] = "2";
+    let second = ["1", "a stronger lamp", "900", "0", "0", "20"];
+    let two = parsed(&[&lines[..32], &second[..], &lines[32..]].concat().join("\n"));
+    assert_eq!(two.light_bytes(), parsed(&round).light_bytes());
+    assert!(matches!(two.remarks(), [one] if one.contains("2 sets") && one.ends_with("500 lm")), "{:?}", two.remarks());
+    let all = parsed(&ldt(1, &[9.0; 12]));
+    assert!(matches!(all.remarks(), [one] if one.starts_with("9 numbers")), "{:?}", all.remarks());
+}
+
+#[test]
 fn flux_of_known_distributions_is_known() {
     let near = |flux: f32, known: f32| assert!((flux - known).abs() < 2e-3 * known, "{flux} lm, not {known}");
     near(parsed(&ies(1, &[0.0, 90.0, 180.0], &[0.0, 90.0], &[9.0; 6])).flux_lm(), 2.0 * TAU * 9.0);

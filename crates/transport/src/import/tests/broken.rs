@@ -130,6 +130,19 @@ fn what_is_not_read_may_be_anything() {
 }
 
 #[test]
+fn scenes_that_are_not_shown_are_named() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["nodes"] = json!([{"mesh": 0}, {"mesh": 0}]);
+    fixture.root["scenes"] =
+        json!([{"nodes": [1, 0]}, {"name": "Day", "nodes": [1]}, {"name": "Night", "nodes": [0]}, {}]);
+    fixture.root["scene"] = json!(2);
+    let imported = fixture.load();
+    assert_eq!(imported.scene.mesh.triangles.len(), 1);
+    let [first, second] = &imported.report.unsupported[..] else { panic!("{:?}", imported.report.unsupported) };
+    assert!(first.starts_with("scene 0: ") && second.starts_with("scene \"Day\": "), "{first}, {second}");
+}
+
+#[test]
 fn the_element_at_fault_is_named() {
     let mut fixture = Fixture::triangle();
     fixture.root["materials"] = json!([{}, {"doubleSided": "yes"}]);
@@ -314,10 +327,8 @@ fn png_of(width: u32, height: u32) -> Vec<u8> {
 
 /// A triangle that shows an image.
 fn shows(image: &[u8]) -> Fixture {
-    let mut fixture = Fixture::triangle();
+    let mut fixture = Fixture::triangle().placed();
     let view = fixture.view(image);
-    let uvs = fixture.floats("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
-    fixture.primitive()["attributes"]["TEXCOORD_0"] = json!(uvs);
     fixture.root["images"] = json!([{"bufferView": view, "mimeType": "image/png"}]);
     fixture.root["textures"] = json!([{"source": 0}]);
     fixture.material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}))

@@ -68,6 +68,13 @@ impl Fixture {
         self
     }
 
+    /// Gives the corners of the only triangle texture coordinates.
+    pub fn placed(mut self) -> Fixture {
+        let uvs = self.floats("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+        self.primitive()["attributes"]["TEXCOORD_0"] = json!(uvs);
+        self
+    }
+
     /// Sets members of node 0.
     pub fn node(mut self, members: Value) -> Fixture {
         for (key, value) in members.as_object().expect("an object") {

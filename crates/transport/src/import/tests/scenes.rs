@@ -37,6 +37,28 @@ fn lamps_shine_along_minus_z_of_their_node() {
 }
 
 #[test]
+fn cones_of_spots_that_are_out_of_range_are_told() {
+    let right_angle = std::f32::consts::FRAC_PI_2;
+    for (inner, outer, used, n_told) in [
+        (0.25, 0.5, [0.25, 0.5], 0),
+        (0.5, 0.5, [0.5, 0.5], 0),
+        (0.0, 1.571, [0.0, right_angle], 0),
+        (0.0, 3.0, [0.0, right_angle], 1),
+        (0.5, 0.25, [0.25, 0.25], 1),
+    ] {
+        let mut fixture = Fixture::new();
+        let spot = json!({"innerConeAngle": inner, "outerConeAngle": outer});
+        fixture.root["extensions"] =
+            json!({"KHR_lights_punctual": {"lights": [{"type": "spot", "name": "wide", "spot": spot}]}});
+        let imported = fixture.node(json!({"extensions": {"KHR_lights_punctual": {"light": 0}}})).load();
+        let [inner_rad, outer_rad] = used;
+        assert_eq!(imported.scene.punctual[0].kind, PunctualKind::Spot { inner_rad, outer_rad });
+        let told = imported.report.warnings;
+        assert!(told.len() == n_told && told.iter().all(|words| words.contains("lamp \"wide\": its cone")), "{told:?}");
+    }
+}
+
+#[test]
 fn a_lamp_beyond_all_numbers_is_left_out_and_reported() {
     let mut fixture = Fixture::new();
     fixture.root["extensions"] = json!({"KHR_lights_punctual": {"lights": [

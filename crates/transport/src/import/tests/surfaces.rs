@@ -19,10 +19,32 @@ fn png() -> Vec<u8> {
 
 /// A triangle and the first texture, of an image.
 fn with_image(image: Value) -> Fixture {
-    let mut fixture = Fixture::triangle();
+    let mut fixture = Fixture::triangle().placed();
     fixture.root["images"] = json!([image]);
     fixture.root["textures"] = json!([{"source": 0}]);
     fixture
+}
+
+#[test]
+fn textures_without_coordinates_that_place_them_are_told() {
+    let load = |fixture: Fixture, set: u32| {
+        let map = json!({"index": 0, "texCoord": set});
+        let fixture = fixture.material(json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": map}));
+        fixture.node(json!({"name": "sign"})).load().report.warnings
+    };
+    let image = || with_image(json!({"uri": format!("data:image/png,{}", escaped(&png()))}));
+    let mut bare = image();
+    bare.primitive()["attributes"] = json!({"POSITION": 0});
+    let told = load(bare, 0);
+    assert!(matches!(&told[..], [one] if one.contains("\"sign\"") && one.contains("coordinates 0")), "{told:?}");
+    let told = load(image(), 1);
+    assert!(matches!(&told[..], [one] if one.contains("coordinates 1")), "{told:?}");
+    assert_eq!(load(image(), 0), Vec::<String>::new());
+}
+
+/// Bytes for a data URI.
+fn escaped(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("%{byte:02X}")).collect()
 }
 
 #[test]
@@ -209,12 +231,10 @@ fn a_surface_whose_map_is_black_where_it_would_shine_is_no_light() {
         let image = image::RgbaImage::from_raw(texels.len() as u32, 1, texels.concat()).expect("a row of texels");
         let mut bytes = Cursor::new(Vec::new());
         image.write_to(&mut bytes, image::ImageFormat::Png).expect("memory takes it");
-        let mut fixture = Fixture::triangle();
+        let mut fixture = Fixture::triangle().placed();
         let view = fixture.view(bytes.get_ref());
         fixture.root["images"] = json!([{"bufferView": view, "mimeType": "image/png"}]);
         fixture.root["textures"] = json!([{"source": 0}]);
-        let uvs = fixture.floats("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
-        fixture.primitive()["attributes"]["TEXCOORD_0"] = json!(uvs);
         let scene = fixture.material(json!({"emissiveFactor": factor, "emissiveTexture": {"index": 0}})).load().scene;
         let (lighting, warnings) = Lighting::new(&scene, &[]).expect("lights");
         let kinds: Vec<SourceKind> = lighting.basis.sources.iter().map(|source| source.kind).collect();
@@ -229,7 +249,7 @@ fn a_surface_whose_map_is_black_where_it_would_shine_is_no_light() {
 #[test]
 fn a_readable_twin_stands_in_for_an_unreadable_image() {
     let load = |texture: serde_json::Value| {
-        let mut fixture = Fixture::triangle();
+        let mut fixture = Fixture::triangle().placed();
         let (good, basis) = (fixture.view(&png()), fixture.view(b"\xABKTX 20\xBB\r\n\x1A\n"));
         fixture.root["images"] = json!([{"bufferView": good}, {"bufferView": basis}, {"uri": "nowhere.png"}]);
         fixture.root["textures"] = json!([texture]);
@@ -288,11 +308,19 @@ fn unknown_material_extensions_are_named_with_their_material() {
     assert!(line.contains("KHR_materials_dispersion") && line.contains("prism"), "{line}");
 }
 
+#[test]
+fn lights_of_extensions_that_are_not_read_are_named_as_missing() {
+    for name in ["EPIC_hdri_backdrops", "EPIC_sky_spheres", "KHR_lights", "KHR_lights_common", "MOZ_hubs_components"] {
+        let mut fixture = Fixture::triangle();
+        fixture.root["extensionsUsed"] = json!([name]);
+        let told = fixture.load().report.unsupported;
+        assert!(matches!(&told[..], [one] if one.starts_with(name) && one.contains("light")), "{told:?}");
+    }
+}
+
 /// A quad with texture coordinates and one texture.
 fn textured() -> Fixture {
-    let mut fixture = Fixture::triangle();
-    let uvs = fixture.floats("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
-    fixture.primitive()["attributes"]["TEXCOORD_0"] = json!(uvs);
+    let mut fixture = Fixture::triangle().placed();
     let view = fixture.view(&png());
     fixture.root["images"] = json!([{"bufferView": view, "mimeType": "image/png"}]);
     fixture.root["textures"] = json!([{"source": 0}]);

@@ -1,0 +1,91 @@
+//! Glass with a thickness whose shape has none: an open sheet, which light enters and never leaves. Programs that draw without rays
+//! take the number for the glass; here the shape is traced.
+
+use std::collections::BTreeMap;
+
+use crate::bsdf::is_matched;
+use crate::bvh::Ray;
+use crate::prepared::PreparedScene;
+use crate::sampler::Sampler;
+use crate::scene::Material;
+
+/// Triangles of a node from which it is looked for the other side of its glass.
+const LOOKS: usize = 32;
+/// Nodes that are named.
+const MOST_NAMED: usize = 3;
+
+/// A sentence that names nodes of which no ray into the glass finds the way out.
+pub(crate) fn warning(scene: &PreparedScene) -> Option<String> {
+    let mut glass: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    for (triangle, &node) in (0..).zip(&scene.scene.mesh.triangle_node) {
+        if is_solid(scene.material(triangle)) {
+            glass.entry(node).or_default().push(triangle);
+        }
+    }
+    let is_open = |triangles: &[u32]| {
+        let step = triangles.len().div_ceil(LOOKS).max(1);
+        !triangles.iter().step_by(step).any(|&triangle| has_other_side(scene, triangle))
+    };
+    let open: Vec<u32> = glass.into_iter().filter(|(_, triangles)| is_open(triangles)).map(|(node, _)| node).collect();
+    let named = open.iter().take(MOST_NAMED).map(|&node| format!("`{}`", scene.scene.nodes[node as usize].key()));
+    let named = named.collect::<Vec<_>>().join(", ");
+    let more = match open.len().saturating_sub(MOST_NAMED) {
+        0 => String::new(),
+        n_more => format!(" and {n_more} more"),
+    };
+    (!open.is_empty()).then(|| {
+        format!(
+            "the glass of {named}{more} has a thickness and an open shape, or faces turned inward: light goes in and never comes out, bent \
+             and colored as by a block; close the shape, turn its faces, or set the thickness to 0"
+        )
+    })
+}
+
+/// Whether light that passes a surface goes on within a body that changes it.
+fn is_solid(material: &Material) -> bool {
+    let changes_light = !is_matched(material.ior) || material.attenuation_distance.is_finite();
+    !material.unlit && material.transmission > 0.0 && material.thickness > 0.0 && changes_light
+}
+
+/// Whether a ray straight into the body behind a triangle meets glass from within.
+fn has_other_side(scene: &PreparedScene, triangle: u32) -> bool {
+    let [a, b, c] = scene.scene.mesh.corners(triangle);
+    let inward = -(b - a).cross(c - a).normalize_or_zero();
+    let origin = scene.off_triangle(triangle, (a + b + c) / 3.0, inward);
+    let ray = Ray { origin, direction: inward, t_min: 0.0, t_max: f32::INFINITY };
+    let hit = scene.closest(&ray, &mut Sampler::new(0, u64::from(triangle), 0));
+    hit.is_some_and(|hit| hit.normal.dot(inward) > 0.0 && is_solid(scene.material(hit.triangle)))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::camera::Camera;
+    use crate::laws::stage::{Stage, lambert, pane, quad, room};
+
+    /// What is told of glass between a camera and a wall.
+    fn told(corners: &[Vec3], glass: Material) -> Option<String> {
+        let camera = Camera::look_at("eye", Vec3::Z * 9.0, Vec3::ZERO, 1.0, 1.0);
+        let wall = quad(Vec3::new(-5.0, -5.0, -3.0), Vec3::X * 10.0, Vec3::Y * 10.0);
+        let stage = Stage::new(camera).surface("window", corners, glass).surface("wall", &wall, lambert(0.5, 0.0));
+        warning(&stage.prepared())
+    }
+
+    #[test]
+    fn glass_with_a_thickness_that_is_an_open_sheet_or_inside_out_is_named() {
+        let (sheet, inward) = (quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0), room(Vec3::splat(0.5)));
+        let outward: Vec<Vec3> = inward.chunks_exact(3).flat_map(|t| [t[0], t[2], t[1]]).collect();
+        let block = || Material { thickness: 0.1, ..pane() };
+        let tinted = Material { ior: 1.0, attenuation_distance: 0.5, ..block() };
+        for (corners, glass) in [(&sheet, block()), (&inward, block()), (&sheet, tinted)] {
+            let words = told(corners, glass).expect("it is open");
+            assert!(words.contains("the glass of `window` has a thickness"), "{words}");
+        }
+        let clear = Material { ior: 1.0, ..block() };
+        for (corners, glass) in [(&sheet, pane()), (&outward, block()), (&sheet, clear)] {
+            assert_eq!(told(corners, glass), None);
+        }
+    }
+}
