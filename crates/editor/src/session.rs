@@ -39,6 +39,7 @@ use clerestory_transport::figures::{ErrorDb, Figures};
 use clerestory_transport::sensors::WorkPlane;
 use eframe::egui::ColorImage;
 
+use self::baking::PassBlocks;
 use self::begun::Begun;
 use self::estimate::Forecasting;
 use self::lamps::LampView;
@@ -185,8 +186,8 @@ pub struct Session {
     views: Views,
     /// What is new in `shown` since it was last asked for.
     changed: Changed,
-    /// Blocks of each pass of the bake, and how many of the pass that runs are there.
-    pass_blocks: (usize, usize),
+    /// How far the pass of the bake that runs is.
+    pass_blocks: PassBlocks,
     /// Error measured at the end of the last pass.
     pub error_db: Option<ErrorDb>,
     /// Ranks and bytes of what is shown.
@@ -239,7 +240,7 @@ impl Session {
             arriving: VecDeque::new(),
             views: Views::default(),
             changed: Changed::default(),
-            pass_blocks: (0, 0),
+            pass_blocks: PassBlocks::default(),
             error_db: None,
             figures: None,
             figures_at: Instant::now(),

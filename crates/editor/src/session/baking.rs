@@ -21,6 +21,38 @@ use crate::platform::memory_bytes;
 /// Time between two counts of ranks and bytes while a bake runs.
 const FIGURES_EVERY: Duration = Duration::from_secs(1);
 
+/// How much of what a bake is at now is there.
+#[derive(Default)]
+pub(super) struct PassBlocks {
+    n_blocks: usize,
+    n_done: usize,
+    counted: Option<Counted>,
+}
+
+/// What blocks are counted for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Counted {
+    /// A pass of the picture.
+    Pass(u32),
+    /// The preview of a matrix of irradiance.
+    Irradiance(usize),
+}
+
+impl PassBlocks {
+    /// A block is there.
+    fn came(&mut self, counted: Counted) {
+        if self.counted != Some(counted) {
+            (self.n_done, self.counted) = (0, Some(counted));
+        }
+        self.n_done += 1;
+    }
+
+    /// 0…1; a matrix of irradiance may have other blocks than the picture.
+    fn done(&self) -> f32 {
+        (self.n_done as f32 / self.n_blocks.max(1) as f32).min(1.0)
+    }
+}
+
 impl Session {
     /// Starts a bake of the open scene or stack, ending one that runs; from a camera of its own, else from that of the settings.
     pub fn start_bake(&mut self, settings: &BakeSettings, camera: Option<Camera>, passes: Passes) {
@@ -122,18 +154,18 @@ impl Session {
         match event {
             BakeEvent::Started { header, n_blocks, n_passes } => {
                 self.begun.iter_mut().for_each(|begun| begun.started(header.clone(), n_passes));
-                self.pass_blocks = (n_blocks, 0);
+                self.pass_blocks = PassBlocks { n_blocks, ..PassBlocks::default() };
                 self.bake_started(header, n_passes);
             }
             BakeEvent::BlockDone { pass, block_idx, factors } => {
                 self.begun.iter_mut().for_each(|begun| begun.block_done(pass, block_idx, &factors));
-                // What arrives is counted to the preview before.
-                let begins = matches!(self.bake, BakeState::Running { pass: running, .. } if running != pass);
-                self.pass_blocks.1 = if begins { 1 } else { self.pass_blocks.1 + 1 };
+                self.pass_blocks.came(Counted::Pass(pass));
                 self.block_done(block_idx, &factors);
             }
             BakeEvent::IrradianceDone { set, block_idx, factors, is_preview } => {
-                self.pass_blocks.1 += usize::from(is_preview);
+                if is_preview {
+                    self.pass_blocks.came(Counted::Irradiance(set));
+                }
                 self.irradiance_done(set, block_idx, &factors);
             }
             BakeEvent::Denoised { blocks, .. } => {
@@ -144,8 +176,7 @@ impl Session {
             }
             BakeEvent::Progress { pass, done, secs_left } => {
                 if let BakeState::Running { n_passes, .. } = self.bake {
-                    let (n_blocks, n_done) = self.pass_blocks;
-                    let pass_done = n_done as f32 / n_blocks.max(1) as f32;
+                    let pass_done = self.pass_blocks.done();
                     self.bake = BakeState::Running { pass, n_passes, done, pass_done, secs_left };
                 }
                 if self.figures_at.elapsed() > FIGURES_EVERY {
@@ -153,7 +184,7 @@ impl Session {
                 }
             }
             BakeEvent::PassDone { error_db, .. } => {
-                self.pass_blocks.1 = 0;
+                self.pass_blocks.n_done = 0;
                 if self.is_aside() {
                     return;
                 }
@@ -308,5 +339,24 @@ impl Session {
     /// How often the blocks that are there were counted; what is made of them is as new as that.
     pub fn n_counts(&self) -> u64 {
         self.n_counts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_pass_and_each_matrix_of_irradiance_is_counted_from_its_first_block() {
+        let mut blocks = PassBlocks { n_blocks: 4, ..PassBlocks::default() };
+        let mut come = |counted, n_blocks: usize| {
+            (0..n_blocks).for_each(|_| blocks.came(counted));
+            blocks.done()
+        };
+        assert_eq!(come(Counted::Pass(0), 4), 1.0);
+        assert_eq!(come(Counted::Irradiance(0), 3), 0.75);
+        assert_eq!(come(Counted::Irradiance(1), 9), 1.0);
+        assert_eq!(come(Counted::Pass(1), 1), 0.25);
+        assert_eq!(come(Counted::Pass(1), 1), 0.5);
     }
 }
