@@ -806,10 +806,10 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     click(&mut window, "Cancel");
     ask_for(&mut window, "Export frames…", &folder.path().join("f_###.png"));
     assert!(window.query_by_label_contains("saving replaces them").is_none(), "nothing is replaced unasked");
-    window.get_by_label("49 of 24 in a second");
+    window.get_by_label("49 at 24 fps");
     window.get_by_label("First frame").set_value_accesskit(40.0);
     window.run_steps(3);
-    window.get_by_label("9 of 24 in a second");
+    window.get_by_label("9 at 24 fps");
     window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("f.png").display().to_string());
     window.run_steps(3);
     window.get_by_label_contains("write # for the digits");
@@ -878,7 +878,7 @@ fn a_timeline_of_too_many_frames_is_asked_for_in_parts() {
     window.get_by_label("Last frame").set_value_accesskit(10.0);
     window.run_steps(3);
     assert!(window.query_by_label_contains("ask for fewer").is_none());
-    window.get_by_label("11 of 24 in a second");
+    window.get_by_label("11 at 24 fps");
 }
 
 #[test]

@@ -279,7 +279,7 @@ fn names_with_dots_and_signs_are_taken_as_they_are_and_frames_get_their_ending()
     window.get_by_label("Frames per second").set_value_accesskit(23.976);
     window.run_steps(3);
     click(&mut window, "Export frames…");
-    window.get_by_label("1 of 23.976 in a second");
+    window.get_by_label("1 at 23.976 fps");
     assert_eq!((typed(&window).as_str(), can_save(&window)), ("room-1_####.png", true), "one place for digits");
     std::fs::write(at("f_07.png"), b"precious").unwrap();
     type_path(&mut window, "f_##");

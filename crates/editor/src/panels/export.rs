@@ -103,7 +103,7 @@ pub fn frames_ui(
         ui.horizontal(|ui| range_ui(ui, asked, last));
         ui.end_row();
         ui.label("");
-        ui.label(format!("{} of {fps} in a second", n_asked(*asked, last)));
+        ui.label(format!("{} at {fps} fps", n_asked(*asked, last)));
         ui.end_row();
         ui.label("Format");
         ui.horizontal(|ui| format_ui(ui, path, format));
