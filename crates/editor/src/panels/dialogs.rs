@@ -236,7 +236,9 @@ impl FileQuestion {
     }
 
     fn field_ui(&mut self, ui: &mut Ui, problem: Option<String>) -> Option<Option<PathBuf>> {
-        let edit = TextEdit::singleline(&mut self.path).hint_text("Path of the file").desired_width(f32::INFINITY);
+        let is_folder = matches!(self.task, FileTask::OpenPictures);
+        let hint = if is_folder { "Path of the folder" } else { "Path of the file" };
+        let edit = TextEdit::singleline(&mut self.path).hint_text(hint).desired_width(f32::INFINITY);
         let field = ui.add(edit).accessible_name("Path");
         if std::mem::take(&mut self.is_fresh) {
             field.request_focus();
