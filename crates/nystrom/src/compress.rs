@@ -320,9 +320,9 @@ pub(crate) fn unpacked(
     }
     let nth = config.groups.iter().position(|other| other.columns == group.columns);
     let (Some(smoothing), Some(nth)) = (&config.smoothing, nth) else { return Ok(levelled) };
-    let (smooth, held_out_error) = smoothing.of_block(block_idx, nth).factor((means, &level), group, config, rng());
+    let smoother = smoothing.of_block(block_idx, nth);
     // Never worse than without, as far as the halves tell.
-    Ok(if held_out_error < error { smooth } else { levelled })
+    Ok(smoother.factor((means, &level), error, group, config, rng()).unwrap_or(levelled))
 }
 
 /// Takes over the columns of a group.

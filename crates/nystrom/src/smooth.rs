@@ -111,17 +111,18 @@ pub(crate) struct Smoother<'a> {
 type Band = [f64; 3];
 
 impl Smoother<'_> {
-    /// The factors of a smoothed block, and its held-out error in divided columns: fits to one smoothed half examined by the other
-    /// half as it was sampled. That is unbiased, and in one block mostly noise where much was smoothed away. So what the factors
-    /// *tell* is what their rank leaves of the smoothed halves, and what weights are expected to lose of a signal, `w (1 − w)` of
-    /// the noise of their band.
+    /// The factors of a smoothed block, if its held-out error in divided columns beats another one: fits to one smoothed half
+    /// examined by the other half as it was sampled. That is unbiased, and in one block mostly noise where much was smoothed away.
+    /// So what the factors *tell* is what their rank leaves of the smoothed halves, and what weights are expected to lose of a
+    /// signal, `w (1 − w)` of the noise of their band.
     pub(crate) fn factor(
         self,
         (means, level): (&Means, &Level),
+        to_beat: f64,
         group: &ColumnGroup,
         config: &CompressConfig,
         rng: Random,
-    ) -> (Unpacked, f64) {
+    ) -> Option<Unpacked> {
         let [a, b] = [&level.means.a, &level.means.b].map(|half| self.forward(half));
         let (mut smooth, lost) = self.smoothed(&a, &b, means.unit);
         let tolerance = group.tolerance.shaded(means, config.bright, group.share);
@@ -130,15 +131,22 @@ impl Smoother<'_> {
         fits.iter_mut().for_each(|fit| _ = fit.keep(rank));
         let [of_a, of_b, _] = &fits;
         let held_out_error = held_out([&a, &b], &[of_a.of(&of_a.a), of_b.of(&of_b.b)]).iter().sum::<f64>();
+        let is_nearer = held_out_error / means.n_entries() < to_beat;
+        if !is_nearer {
+            return None;
+        }
         // As many copies of a block as are needed, and no more, are what a thread takes.
         drop([a, b]);
 
         let fits = fits.map(|fit| self.back(fit));
-        let halves = [&mut smooth.a, &mut smooth.b].map(|half| level.multiplied(self.inverse(half)));
+        let halves = [&mut smooth.a, &mut smooth.b].map(|half| {
+            self.transform(half, Direction::Inverse);
+            level.multiplied(half)
+        });
         let mut factors = multiplied((means, level), &fits, halves.each_ref(), (group, tolerance));
         let lost = lost * means.noise_per_entry() / level.means.noise_per_entry().max(f64::MIN_POSITIVE);
         factors.truncation = factors.truncation.max(0.0) + lost / means.n_entries();
-        (factors, held_out_error / means.n_entries())
+        Some(factors)
     }
 
     /// Both halves and their mean, each band multiplied with the share of its energy that is no noise, and the energy that
@@ -196,16 +204,14 @@ impl Smoother<'_> {
     /// The block in coefficients of the cosines of rows (members of a bundle, across, down) and columns.
     fn forward(self, half: &Dense<f32>) -> Dense<f32> {
         let mut out = half.clone();
-        self.rows(&mut out.data, half.n_cols, Direction::Forward);
-        (0..out.n_rows).for_each(|row| self.columns(out.row_mut(row), Direction::Forward));
+        self.transform(&mut out, Direction::Forward);
         out
     }
 
-    /// The block itself from its coefficients.
-    fn inverse(self, half: &mut Dense<f32>) -> &Dense<f32> {
-        (0..half.n_rows).for_each(|row| self.columns(half.row_mut(row), Direction::Inverse));
-        self.rows(&mut half.data, half.n_cols, Direction::Inverse);
-        half
+    /// Transforms all rows and columns.
+    fn transform(self, half: &mut Dense<f32>, direction: Direction) {
+        self.rows(&mut half.data, half.n_cols, direction);
+        (0..half.n_rows).for_each(|row| self.columns(half.row_mut(row), direction));
     }
 
     /// A fit of the transformed block as one of the block itself.
