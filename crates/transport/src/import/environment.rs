@@ -138,6 +138,12 @@ mod tests {
         bytes
     }
 
+    /// The same with lines of its own in the head.
+    fn with_line(line: &str) -> Vec<u8> {
+        let (first, rest) = ("#?RADIANCE", hdr());
+        [first.as_bytes(), b"\n", line.as_bytes(), &rest[first.len()..]].concat()
+    }
+
     #[test]
     fn radiance_files_are_read_in_nit() {
         let (map, warnings) = decode_sky("a.hdr", &hdr()).unwrap();
@@ -278,22 +284,17 @@ mod tests {
     #[test]
     fn a_radiance_sky_is_divided_by_its_exposure_and_color_correction() {
         let (plain, _) = decode_sky("a.hdr", &hdr()).unwrap();
-        let head = "#?RADIANCE\nEXPOSURE=2\nEXPOSURE= 4\nCOLORCORR=1 2 0.5";
-        let exposed = [head.as_bytes(), &hdr()["#?RADIANCE".len()..]].concat();
+        let exposed = with_line("EXPOSURE=2\nEXPOSURE= 4\nCOLORCORR=1 2 0.5");
         let (map, _) = decode_sky("a.hdr", &exposed).unwrap();
         let expected = plain.pixels().iter().map(|[r, g, b]| [r / 8.0, g / 16.0, b / 4.0]).collect::<Vec<_>>();
         assert_eq!(map.pixels(), expected);
-        let dark = [&b"#?RADIANCE\nEXPOSURE=0"[..], &hdr()["#?RADIANCE".len()..]].concat();
-        let error = decode_sky("a.hdr", &dark).unwrap_err().to_string();
+        let error = decode_sky("a.hdr", &with_line("EXPOSURE=0")).unwrap_err().to_string();
         assert!(error.contains("exposure of 0"), "{error}");
     }
 
     #[test]
     fn a_radiance_sky_of_other_primaries_becomes_rec_709() {
-        let of = |primaries: &str| {
-            let head = format!("#?RADIANCE\nPRIMARIES={primaries}");
-            decode_sky("a.hdr", &[head.as_bytes(), &hdr()["#?RADIANCE".len()..]].concat()).unwrap()
-        };
+        let of = |primaries: &str| decode_sky("a.hdr", &with_line(&format!("PRIMARIES={primaries}"))).unwrap();
         let (plain, _) = decode_sky("a.hdr", &hdr()).unwrap();
         assert!(of(" 0.640 0.330 0.300 0.600 0.150 0.060 0.3127 0.3290") == (plain.clone(), Vec::new()));
         // P3 with D65.
@@ -310,10 +311,7 @@ mod tests {
 
     #[test]
     fn what_a_head_says_of_its_values_and_is_passed_over_is_told() {
-        let of = |line: &str| {
-            let head = format!("#?RADIANCE\n{line}");
-            decode_sky("a.hdr", &[head.as_bytes(), &hdr()["#?RADIANCE".len()..]].concat()).unwrap()
-        };
+        let of = |line: &str| decode_sky("a.hdr", &with_line(line)).unwrap();
         let (plain, _) = decode_sky("a.hdr", &hdr()).unwrap();
         for line in ["GAMMA=1", "GAMMA= 1.000", "EXPOSURE=          1.0000000000000", "COLORCORR=1 1 1"] {
             assert!(of(line) == (plain.clone(), Vec::new()), "{line}");
