@@ -948,6 +948,21 @@ fn a_bake_of_pictures_gets_a_file_where_the_system_ends_the_program_without_aski
 }
 
 #[test]
+fn files_of_a_hidden_folder_of_pictures_are_called_by_its_name() {
+    let (home, pictures) = (tempfile::tempdir().unwrap(), stage());
+    let folder = home.path().join(".stage");
+    std::fs::rename(pictures.path(), &folder).unwrap();
+    let mut window = open(Source::File(folder));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    let suggested = |window: &Window| window.get_by_label("Path").accesskit_node().value();
+    click(&mut window, "Export…");
+    assert_eq!(suggested(&window).as_deref(), Some("stage.png"));
+    click(&mut window, "Cancel");
+    reach(&mut window, "Save bake…");
+    assert_eq!(suggested(&window).as_deref(), Some("stage.transport"));
+}
+
+#[test]
 fn a_folder_that_is_no_stack_is_told_in_words() {
     let folder = stage();
     image::GrayImage::new(8, 8).save(folder.path().join("wrong.png")).unwrap();

@@ -22,6 +22,13 @@ fn unused_name(task: FileTask, folder: &Path, stem: &str, after: &str) -> String
     names.find(|name| !task.replaces(&folder.join(name))).unwrap_or(plain)
 }
 
+/// A name without its ending. A dot before it begins no ending but hides a file, and what is written is to be found.
+fn stem_of(name: &str) -> &str {
+    let visible = name.trim_start_matches('.');
+    let stem = visible.rsplit_once('.').map_or(visible, |(stem, _)| stem);
+    if stem.is_empty() { "scene" } else { stem }
+}
+
 /// Puts a file before those of lately. The scene that was open last stays among them, however many looks come after it: a look that is
 /// opened alone goes with it.
 fn put_first(recent: &mut Vec<PathBuf>, path: PathBuf) {
@@ -79,8 +86,7 @@ impl App {
 
     /// What files of what is open are called, without an ending.
     fn stem(&self) -> &str {
-        let name = self.session.opened.as_ref().map_or("scene", |opened| opened.name.as_str());
-        name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+        stem_of(self.session.opened.as_ref().map_or("", |opened| opened.name.as_str()))
     }
 
     /// Where a file goes that nobody names; it replaces none.
@@ -178,6 +184,13 @@ mod tests {
         assert_eq!(title_of("", look, true), "Clerestory");
         assert_eq!(title_of("hall.glb", None, false), "hall.glb – Clerestory");
         assert_eq!(title_of("hall.glb", look, true), "• hall.glb, evening.look – Clerestory");
+    }
+
+    #[test]
+    fn every_name_has_a_stem_that_files_can_be_called_by() {
+        let names = ["hall.glb", "hall v1.2.glb", "stage", ".frames", ".hall.glb", ".glb", ".", "..", ""];
+        let stems = ["hall", "hall v1.2", "stage", "frames", "hall", "glb", "scene", "scene", "scene"];
+        assert_eq!(names.map(stem_of), stems);
     }
 
     #[test]
