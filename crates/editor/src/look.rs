@@ -121,9 +121,11 @@ impl Look {
         let words = |(key, why): (&str, Unheeded)| match why {
             Unheeded::Unknown => format!("the look sets `{key}`, which this scene does not have; it is ignored"),
             Unheeded::NoPanel => format!("the look puts spots on `{key}`, which is no panel; they are ignored"),
-            Unheeded::Taken => {
-                format!("the look has a lamp `{key}`, but a light of the scene has this name; rename the lamp")
-            }
+            // Lights are found by their keys, whatever they are called here.
+            Unheeded::Taken => format!(
+                "the look has a lamp `{key}`, whose key “{key}” is that of a light of the scene; \
+                 give the lamp another key in the look's file, or the light another name in the scene's"
+            ),
         };
         // Of a panel that is still to be made more is told elsewhere.
         let counts = |(key, why): &(&str, Unheeded)| *why != Unheeded::NoPanel || !self.scene.panels.contains_key(*key);

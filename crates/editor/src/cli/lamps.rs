@@ -184,7 +184,7 @@ pub(super) fn stage(
         bail!("the look has lamps, which light the surfaces of the scene; name the scene that was baked with --scene");
     };
     if let Some(lamp) = lamps.iter().find(|lamp| bake.header.basis.source(&lamp.key).is_some()) {
-        bail!("a light of the scene is called `{}`, as a lamp of the look is; rename the lamp", lamp.key);
+        bail!("a light of the scene is called `{}`, as a lamp of the look is; give the lamp another key", lamp.key);
     }
     if bake.header.patches.is_none() {
         console.warn(

@@ -449,7 +449,21 @@ mod tests {
         let mut look = Look::default();
         look.lights.lamps = all();
         let words = look.unheeded(&LightBasis::new(vec![source]));
-        assert!(words.len() == 1 && words[0].contains("`Lamp 1`") && words[0].contains("rename"), "{words:?}");
+        assert!(words.len() == 1 && words[0].contains("a lamp `Lamp 1`"), "{words:?}");
+    }
+
+    #[test]
+    fn a_lamp_that_is_called_otherwise_is_told_by_the_key_that_a_light_has() {
+        let basis = LightBasis::new(vec![LightSource::plain("Lamp 1", SourceKind::Point, 0..1)]);
+        let mut look = Look::default();
+        look.lights.lamps = vec![lamp("Lamp 1", LampShape::Point)];
+        look.names.insert("Lamp 1".into(), "Desk".into());
+        let words = look.unheeded(&basis);
+        assert!(words.len() == 1 && words[0].contains("a lamp `Desk`, whose key “Lamp 1”"), "{words:?}");
+        assert!(words[0].contains("another key") && !words[0].contains("rename"), "{words:?}");
+        // What is advised helps: its key in the file is another one.
+        let (other, _) = Look::from_json(&look.to_json().replace("Lamp 1", "Desk lamp")).unwrap();
+        assert_eq!((other.unheeded(&basis), other.lights.lamps.len()), (Vec::<String>::new(), 1));
     }
 
     #[test]

@@ -64,7 +64,7 @@ pub enum LampError {
         key: String,
     },
     /// A lamp with the name of a light of the scene.
-    #[error("a light of the scene is called `{key}`, as a lamp of the look is; rename the lamp")]
+    #[error("a light of the scene is called `{key}`, as a lamp of the look is; give the lamp another key")]
     Taken {
         /// The name.
         key: String,
