@@ -6,11 +6,12 @@ mod desk;
 
 use clerestory::look::Look;
 use clerestory::session::{BakeState, Source};
-use clerestory_transport::sky::{SkySetting, SunPlace};
+use clerestory_transport::basis::SourceKind;
+use clerestory_transport::sky::{SkySetting, SunPlace, SunPosition, sun_direction};
 use eframe::egui::{Event, Vec2, pos2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Kept, Window, click, click_at, drag, open, open_again, type_over, wait};
+use desk::{Dropped, Kept, Window, click, click_at, drag, open, open_again, type_over, wait, wait_until};
 
 /// The room without ceiling, front and back, so that the sky is seen and lights it.
 fn court() -> Source {
@@ -102,6 +103,11 @@ fn angles(window: &Window) -> (f64, f64) {
         SunPlace::Angles { azimuth_deg, elevation_deg } => (azimuth_deg, elevation_deg),
         SunPlace::Time { .. } => panic!("the sun stands by time"),
     }
+}
+
+/// Where the sun of the look stands in the scene.
+fn position(window: &Window) -> SunPosition {
+    sky(window).sun.unwrap().position().unwrap()
 }
 
 /// The picture that the window shows, by way of the clipboard.
@@ -374,6 +380,95 @@ fn the_sun_is_set_by_its_angles_or_by_a_place_on_earth() {
     settle(&mut window);
     let (azimuth, elevation) = angles(&window);
     assert!((azimuth - 40.0).abs() < 15.0 && (elevation - 20.0).abs() < 5.0, "{azimuth} {elevation}");
+}
+
+#[test]
+fn the_sun_goes_with_the_hour_the_date_and_the_latitude() {
+    let mut window = under_the_sky();
+    click(&mut window, "By date and place");
+    settle(&mut window);
+    let time = |window: &Window| match sky(window).sun.unwrap().place {
+        SunPlace::Time { time, .. } => time,
+        SunPlace::Angles { .. } => panic!("the sun stands by angle"),
+    };
+    let morning = position(&window);
+    window.get_by_label("Time of day").set_value_accesskit(870.0);
+    window.run_steps(3);
+    settle(&mut window);
+    let summer = position(&window);
+    assert_eq!(time(&window).hour, 14.5);
+    assert!(morning.azimuth_deg < 180.0 && summer.azimuth_deg > 180.0, "{morning:?} {summer:?}");
+    window.get_by_label_contains(&format!("In the southwest, azimuth {:.1}°", summer.azimuth_deg));
+
+    choose(&mut window, "Month", "January");
+    type_over(&mut window, "Year", "2030");
+    settle(&mut window);
+    let winter = position(&window);
+    assert_eq!(time(&window).date, (2030, 1, 21));
+    assert!(winter.elevation_deg < summer.elevation_deg - 30.0, "{winter:?} {summer:?}");
+
+    // As far south of the equator it is summer, and the sun stands in the north at noon.
+    type_over(&mut window, "Latitude", "-51.48");
+    settle(&mut window);
+    let beyond = position(&window);
+    assert_eq!(time(&window).latitude_deg, -51.48);
+    assert!(beyond.elevation_deg > winter.elevation_deg + 30.0, "{winter:?} {beyond:?}");
+    window.get_by_label_contains(&format!("In the northwest, azimuth {:.1}°", beyond.azimuth_deg));
+}
+
+#[test]
+fn north_turns_the_sun_of_a_place_on_earth() {
+    let mut window = under_the_sky();
+    click(&mut window, "By date and place");
+    settle(&mut window);
+    let shines_from = |window: &Window| {
+        let (app, wanted) = (window.state(), sun_direction(position(window)));
+        let light = app.session().basis().unwrap().sky_light(&app.look().lights).unwrap();
+        (light.sun_direction().unwrap() - wanted).length() < 1e-3
+    };
+    let (before, at_first, picture) = (position(&window), sky(&window), copied(&mut window));
+    assert!(shines_from(&window));
+    window.get_by_label_contains(&format!("In the southeast, azimuth {:.1}°", before.azimuth_deg));
+
+    type_over(&mut window, "North", "90");
+    settle(&mut window);
+    let after = position(&window);
+    assert!((after.azimuth_deg - before.azimuth_deg - 90.0).abs() < 1e-9, "{before:?} {after:?}");
+    assert_eq!(after.elevation_deg, before.elevation_deg);
+    assert!(shines_from(&window));
+    assert!(sky(&window).map != at_first.map, "the sky goes with its sun");
+    // The wind is still that of the place.
+    window.get_by_label_contains(&format!("In the southeast, azimuth {:.1}°", after.azimuth_deg));
+    assert_ne!(copied(&mut window).pixels, picture.pixels);
+    click(&mut window, "Undo");
+    assert_eq!(sky(&window), at_first, "it is one step");
+}
+
+#[test]
+fn patches_of_the_sky_are_chosen_beside_its_bake_and_come_with_it() {
+    let divisions = |app: &clerestory::app::App| {
+        app.session().basis()?.sources.iter().find_map(|source| match source.kind {
+            SourceKind::Dome { divisions } => Some(divisions),
+            _ => None,
+        })
+    };
+    let chosen = |window: &Window| window.get_by_label("Patches of the sky").accesskit_node().value();
+    let mut window = open(court());
+    settle(&mut window);
+    assert!(window.query_by_label("Patches of the sky").is_none(), "the sky is folded away");
+    click(&mut window, "Sky");
+    assert_eq!(chosen(&window).as_deref(), Some("145 patches"));
+    choose(&mut window, "Patches of the sky", "577 patches");
+    assert_eq!(chosen(&window).as_deref(), Some("577 patches"));
+    assert_eq!(*window.state().look(), Look::default(), "they are those of the next bake");
+
+    click(&mut window, "Bake with sky");
+    wait(&mut window, |app| divisions(app).is_some());
+    assert_eq!((divisions(window.state()), window.state().look().scene.sky), (Some(2), Some(2)));
+    window.get_by_label("Bake this sky");
+    assert_eq!(chosen(&window).as_deref(), Some("577 patches"), "they stay chosen");
+    type_over(&mut window, "Azimuth of the sun", "180");
+    wait_until(&mut window, |window| window.query_by_label_contains("6° wide, with soft shadows").is_some());
 }
 
 #[test]

@@ -581,6 +581,35 @@ fn mark_table(window: &mut Window) {
 }
 
 #[test]
+fn a_click_marks_the_same_object_or_the_same_material_as_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, mut gltf) = with_table(folder.path());
+    // Room and table are of one material.
+    gltf["materials"][0]["name"] = json!("plaster");
+    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
+    let mut window = measured_at(Source::File(path), 1);
+    click(&mut window, "Measure");
+    assert!(window.query_by_label("Same material").is_none(), "it is a choice of the tool");
+    mark_table(&mut window);
+    let of_table = window.state().marked_lux().unwrap().points;
+    let at = on_screen(&window, Vec3::new(0.0, -0.5, -0.4));
+
+    window.get_all_by_label("Same material").next().unwrap().click();
+    window.run_steps(3);
+    assert_eq!(window.state().marked_lux().unwrap().points, of_table, "what is marked stays until the next click");
+    drag(&mut window, at, at);
+    wait(&mut window, |app| app.marked_lux().is_some_and(|now| now.points > 2000) && !app.is_solving());
+    window.get_by_label("plaster");
+    assert!(of_table < 1000, "{of_table} pixels see the table");
+
+    window.get_all_by_label("Same object").next().unwrap().click();
+    window.run_steps(3);
+    drag(&mut window, at, at);
+    wait(&mut window, |app| app.marked_lux().is_some_and(|now| now.points == of_table) && !app.is_solving());
+    window.get_by_label("table");
+}
+
+#[test]
 fn powers_are_divided_by_the_floor_of_the_scene_or_of_what_is_marked() {
     let folder = tempfile::tempdir().unwrap();
     let mut window = measured_at(Source::File(with_table(folder.path()).0), 1);
