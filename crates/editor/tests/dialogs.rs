@@ -5,14 +5,16 @@
 #[expect(dead_code, reason = "not every test of the window drags")]
 mod desk;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
-use clerestory::session::{BakeState, Source};
+use clerestory::session::{BakeState, Source, Stage};
 use eframe::egui::{Key, Modifiers, Rangef, Rect, Role, Vec2, vec2};
 use egui_kittest::Node;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Window, ask_for, ask_to_close, baked, click, open, open_with, quick, room, save_as, wait};
+use desk::{
+    Kept, Window, ask_for, ask_to_close, baked, click, open, open_again, open_with, quick, room, save_as, wait,
+};
 
 /// Size of the window in points, with letters of the usual size.
 const SCREEN: Vec2 = vec2(1280.0, 800.0);
@@ -156,6 +158,27 @@ fn the_list_of_keys_can_be_read_and_closed_in_a_small_window() {
         assert!(last.top() > close.bottom() && last.bottom() < whole.bottom(), "{last} of {whole}");
         click(&mut window, "Close window");
         assert!(window.query_by_label("Keyboard and mouse").is_none(), "a click closes it");
+    }
+}
+
+#[test]
+fn all_recent_files_are_reached_in_the_least_window() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.gltf");
+    std::fs::write(&path, room()).unwrap();
+    let halls: Vec<String> = (0..11).map(|nth| format!("\"/rooms/hall {nth}.glb\"")).collect();
+    let kept = Kept(HashMap::from([("recent".into(), format!("[{}]", halls.join(", ")))]));
+    let mut window = open_again(&path, kept);
+    wait(&mut window, |app| app.session().stage == Stage::Ready);
+    window.set_size(vec2(900.0, 600.0) / 2.0);
+    window.run_steps(5);
+    click(&mut window, "Recent");
+    let whole = window.ctx.content_rect();
+    for label in ["room.gltf", "hall 10.glb", "Built-in gallery"] {
+        window.get_by_label(label).scroll_to_me();
+        window.run_steps(4);
+        let place = window.get_by_label(label).rect();
+        assert!(whole.contains_rect(place), "{label} at {place} of {whole}");
     }
 }
 
