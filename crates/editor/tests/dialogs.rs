@@ -38,8 +38,9 @@ const WAYS: [&[&str]; 13] = [
     &["Add lamp", "IES or LDT…"],
 ];
 
-/// What letters of a size leave of the window.
+/// What letters of a size leave of the window; no hint lies over it.
 fn with_letters(window: &mut Window, letters: f32) {
+    window.remove_cursor();
     window.set_size(SCREEN / letters);
     window.run_steps(5);
 }
