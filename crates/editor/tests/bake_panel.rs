@@ -10,6 +10,8 @@ use std::sync::Arc;
 use clerestory::app::{App, Start};
 use clerestory::bake_cache::BakeCache;
 use clerestory::legend::number_words;
+use clerestory::panels::status::duration;
+use clerestory::platform::resident_bytes;
 use clerestory::session::estimate::Forecast;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::archive::{UnderWay, part_state};
@@ -22,7 +24,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{
     Dropped, Kept, Window, baked, click, drag, open, open_again, open_with, quick, reach, replace_and_reload, room,
-    save_as, wait,
+    save_as, wait, wait_until,
 };
 
 fn source() -> Source {
@@ -241,6 +243,42 @@ fn the_start_of_a_bake_is_in_sight_whatever_is_unfolded() {
     assert!(cancel.bottom() < window.get_by_label("Messages").rect().top(), "{cancel}");
     click(&mut window, "Cancel bake");
     wait(&mut window, |app| app.session().bake == BakeState::Stopped);
+}
+
+#[test]
+fn the_bar_tells_the_memory_and_the_time_that_is_left_while_a_bake_runs() {
+    let config = BakeConfig { spp: 512, tolerance_db: 60.0, ..BakeConfig::default() };
+    let mut window = open_with(source(), config, None);
+    // Nothing of the panels lies below the window, where the bar is.
+    window.set_size(vec2(1440.0, 2600.0));
+    let secs_left = |window: &Window| match window.state().session().bake {
+        BakeState::Running { secs_left, .. } => secs_left,
+        _ => None,
+    };
+    wait_until(&mut window, |window| secs_left(window).is_some());
+    let bar = window.get_by_label("Messages").rect();
+    let words = format!("{} left", duration(secs_left(&window).unwrap()));
+    let left = window.get_by_role_and_label(Role::ProgressIndicator, &words).rect();
+    assert!(bar.y_range().contains(left.center().y), "{words} stands in the bar: {left} beside {bar}");
+
+    let is_memory = |node: &egui_kittest::Node<'_>| {
+        let words = node.accesskit_node().value().unwrap_or_default();
+        bar.y_range().contains(node.rect().center().y) && (words.ends_with(" MB") || words.ends_with(" GB"))
+    };
+    // Where the system is not asked there is none to tell.
+    if let Some(resident) = resident_bytes() {
+        let label = window.query_all_by_role(Role::Label).find(is_memory).unwrap();
+        let (words, at) = (label.accesskit_node().value().unwrap(), label.rect().center());
+        let (number, unit) = words.split_once(' ').unwrap();
+        let told = number.parse::<f64>().unwrap() * if unit == "GB" { 1e9 } else { 1e6 };
+        assert!((0.5..2.0).contains(&(told / resident as f64)), "{words} of {resident} bytes");
+        window.event(Event::PointerMoved(at));
+        window.run_steps(10);
+        window.get_by_label("Memory of the program");
+    }
+    click(&mut window, "Stop the bake");
+    wait(&mut window, |app| app.session().bake == BakeState::Stopped);
+    assert!(window.query_by_label("Baking").is_none(), "nothing is left");
 }
 
 #[test]

@@ -4,6 +4,7 @@
 
 mod desk;
 
+use clerestory::app::App;
 use clerestory::look::Look;
 use clerestory::look::snapshot::Mark;
 use clerestory::session::BakeState;
@@ -18,7 +19,8 @@ use eframe::egui::{
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{
-    Dropped, Kept, Window, ask_for, baked, click, drag, open_again, pull, room, save_as, type_over, wait, wait_until,
+    Dropped, Kept, Window, ask_for, ask_to_close, baked, click, drag, open_again, pull, quit_by_key, room, save_as,
+    type_over, wait, wait_until,
 };
 
 fn names(window: &Window) -> Vec<&str> {
@@ -852,6 +854,35 @@ fn replace_frames(window: &mut Window, path: &std::path::Path) {
 }
 
 #[test]
+fn the_look_of_a_key_is_another_one_once_it_is_chosen() {
+    let mut window = two_keys();
+    wait(&mut window, |app| app.is_settled());
+    let (look, ev_dark) = (window.state().look().clone(), window.state().shown_ev());
+    let looks_of_keys =
+        |look: &Look| look.timeline.keys.iter().map(|key| (key.secs, key.look.clone())).collect::<Vec<_>>();
+    let with = |second: &str| vec![(0.0f32, "Look".to_owned()), (2.0, second.to_owned())];
+    assert_eq!(looks_of_keys(&look), with("Look 2"));
+    // The moment of the second key, whose look is without the lamp.
+    let track = area_of(&window, "Timeline ruler");
+    let at = track.left_top() + vec2(12.0 + 0.4 * (track.width() - 24.0), 8.0);
+    drag(&mut window, at - vec2(30.0, 0.0), at);
+    window.get_by_label("2.00 s, frame 48");
+    window.query_all_by_label_contains("Key 2: Look 2 at").next().unwrap().click();
+    window.run_steps(3);
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev_dark).abs() < 1e-3);
+
+    click(&mut window, "Look of the key");
+    click(&mut window, "Look");
+    assert_eq!(looks_of_keys(window.state().look()), with("Look"));
+    assert!(window.query_all_by_label_contains("Key 2: Look at").next().is_some());
+    window.get_by_label("2.00 s, frame 48");
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev_dark).abs() > 1e-2);
+    assert_eq!(window.state().look().lights, look.lights, "the lights stay");
+    click(&mut window, "Undo");
+    assert_eq!(looks_of_keys(window.state().look()), with("Look 2"), "one step");
+}
+
+#[test]
 fn a_timeline_that_loops_begins_again_at_its_end() {
     let mut window = two_keys();
     let frame = |window: &Window| -> Option<u32> {
@@ -985,6 +1016,31 @@ fn closing_asks_before_frames_are_given_up_and_then_for_the_look() {
     window.get_by_label("Save the look?");
     click(&mut window, "Discard");
     assert!(!close(&mut window));
+}
+
+#[test]
+fn the_key_that_closes_asks_before_frames_are_given_up_and_those_that_are_there_are_whole() {
+    let (mut window, folder) = writing_for_long();
+    let n_written = |app: &App| app.session().frames().map_or(0, |(n_written, _)| n_written);
+    wait(&mut window, |app| n_written(app) > 0);
+    assert!(!quit_by_key(&mut window));
+    click(&mut window, "Go on writing");
+    let before = n_written(window.state());
+    wait(&mut window, |app| n_written(app) > before);
+    assert!(!quit_by_key(&mut window));
+    click(&mut window, "Stop and close");
+    assert!(!ask_to_close(&mut window), "the look is not saved either");
+    click(&mut window, "Discard");
+    assert!(ask_to_close(&mut window));
+    eframe::App::on_exit(window.state_mut());
+    drop(window);
+    let n_files = std::fs::read_dir(folder.path()).unwrap().count();
+    assert!(n_files > before as usize, "{n_files} files, and {before} frames were written before it was asked again");
+    // Whole, in order, and nothing beside them.
+    for frame in 0..n_files {
+        let picture = image::open(folder.path().join(format!("f_{frame:05}.png"))).unwrap();
+        assert_eq!((picture.width(), picture.height()), (64, 48), "frame {frame}");
+    }
 }
 
 #[test]

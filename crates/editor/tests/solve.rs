@@ -11,6 +11,7 @@ use clerestory::look::wishes::{Wanted, Where};
 use clerestory::marks::Marks;
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory::solve::Solution;
+use clerestory_relight::Tone;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use clerestory_transport::light::{LightRig, luminance};
@@ -22,7 +23,7 @@ use serde_json::json;
 
 use desk::{
     Dropped, Kept, Window, baked, click, click_at, drag, on_screen, quick, reach, replace_and_reload, room, save_as,
-    wait, wait_until,
+    type_over, wait, wait_until,
 };
 
 /// The room, baked with the light that arrives.
@@ -440,6 +441,43 @@ fn a_picture_to_match_that_another_program_wrote_is_offered_and_read_again() {
     window.run_steps(3);
     assert!(window.query_all_by_label_contains("cannot use").next().is_some(), "what stands there now is none");
     assert_eq!(window.state().look().wishes, wishes, "the wish stays");
+}
+
+#[test]
+fn a_picture_to_match_was_shown_with_the_tone_curve_that_is_chosen() {
+    let folder = tempfile::tempdir().unwrap();
+    let [own, plain] = ["own.png", "plain.png"].map(|name| folder.path().join(name));
+    let mut window = measured();
+    assert_eq!(window.state().look().display.tone, Tone::Agx);
+    type_over(&mut window, "lamp factor", "0.25");
+    save_as(&mut window, "Export…", &own);
+    wait(&mut window, |_| own.exists());
+    click(&mut window, "Undo");
+    assert_eq!(window.state().look().lights, LightRig::default());
+    // Other programs throw away what it says of itself.
+    image::open(&own).unwrap().save(&plain).unwrap();
+    click(&mut window, "Solve for light");
+    let match_picture = |window: &mut Window, path: &std::path::Path| {
+        window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path.into())));
+        wait(window, |app| !app.is_solving() && app.look().wishes.list.len() == 1);
+    };
+    match_picture(&mut window, &own);
+    assert!(window.query_by_label("own.png tone curve").is_none(), "it tells how it was shown");
+    reach(&mut window, "Remove own.png");
+    match_picture(&mut window, &plain);
+    let as_a_photograph = solved(&mut window);
+
+    reach(&mut window, "plain.png tone curve");
+    click(&mut window, "AgX");
+    let wanted = &window.state().look().wishes.list[0].wanted;
+    assert!(matches!(wanted, Wanted::Match { tone: Some(Tone::Agx), .. }), "{wanted:?}");
+    window.get_by_label("The wishes have changed since; solve again");
+    let as_shown = solved(&mut window);
+    let [misfit, of_photograph] = [&as_shown, &as_a_photograph].map(|solution| solution.misfit);
+    assert!(misfit < 0.5 * of_photograph, "{misfit} after {of_photograph}");
+    // The exposure is not known: one light beside the other is.
+    let [lamp, panel] = ["lamp", "panel"].map(|key| as_shown.rig.setting(key).intensity);
+    assert!((lamp / panel / 0.25 - 1.0).abs() < 0.1, "{lamp} beside {panel}");
 }
 
 #[test]

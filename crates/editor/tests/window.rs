@@ -23,8 +23,8 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
 use desk::{
-    Dropped, Kept, Window, ask_for, ask_for_menu, baked, click, click_at, drag, on_screen, open, open_with, pull,
-    quick, reach, room, save_as, wait,
+    Dropped, Kept, Window, ask_for, ask_for_menu, ask_to_close, baked, click, click_at, drag, noisy_stage, on_screen,
+    open, open_with, pull, quick, quit_by_key, reach, room, save_as, wait,
 };
 
 #[test]
@@ -802,16 +802,7 @@ fn close(window: &mut Window) {
 
 #[test]
 fn a_bake_of_pictures_that_runs_is_not_given_up_unasked() {
-    let folder = tempfile::tempdir().unwrap();
-    // Noise, and much of it, takes its time.
-    for light in 0..16u32 {
-        let noise = |x: u32, y: u32| {
-            let bits = (x + 800 * y + 480_000 * light).wrapping_mul(0x9e37_79b9);
-            image::Luma([(bits ^ (bits >> 15)).wrapping_mul(0x85eb_ca6b).to_be_bytes()[0]])
-        };
-        image::GrayImage::from_fn(800, 600, noise).save(folder.path().join(format!("{light}.png"))).unwrap();
-    }
-    let home = tempfile::tempdir().unwrap();
+    let (folder, home) = (noisy_stage(), tempfile::tempdir().unwrap());
     let other = home.path().join("room.gltf");
     std::fs::write(&other, room()).unwrap();
     let mut window = open(Source::File(folder.path().into()));
@@ -825,6 +816,24 @@ fn a_bake_of_pictures_that_runs_is_not_given_up_unasked() {
     window.get_by_label("Give up the bake?");
     click(&mut window, "Discard");
     wait(&mut window, |app| app.session().has_scene());
+}
+
+#[test]
+fn the_key_that_closes_asks_before_a_bake_of_pictures_is_given_up_and_no_part_of_it_stays_behind() {
+    let (home, pictures) = (tempfile::tempdir().unwrap(), noisy_stage());
+    let folder = home.path().join("stage");
+    std::fs::rename(pictures.path(), &folder).unwrap();
+    let mut window = open(Source::File(folder.clone()));
+    wait(&mut window, |app| app.session().bake.is_running());
+    assert!(!quit_by_key(&mut window));
+    window.get_by_label("Give up the bake?");
+    assert!(window.state().session().bake.is_running(), "it goes on while that is asked");
+    click(&mut window, "Discard");
+    assert!(ask_to_close(&mut window), "nothing else would be lost");
+    eframe::App::on_exit(window.state_mut());
+    drop(window);
+    let n_files = |folder: &Path| std::fs::read_dir(folder).unwrap().count();
+    assert_eq!((n_files(home.path()), n_files(&folder)), (1, 16));
 }
 
 #[test]

@@ -145,6 +145,10 @@ fn take_copy(ctx: &Context, actions: &mut Vec<Action>) {
 
 /// Points of the window above and below the list: its title and some air.
 const AROUND: f32 = 96.0;
+/// Points of the window that are left beside both columns of the list: margins, the gap between them and the scroll bar.
+const BESIDE: f32 = 96.0;
+/// Shares of the rest that keys, and what they do, take at most; longer words go on in the next line.
+const SHARES: [f32; 2] = [0.4, 0.6];
 
 /// Closes the list, where it is open, before a question below it hears the same key; what is typed there is given up by it.
 pub fn close_by_key(ctx: &Context, open: &mut bool) {
@@ -156,7 +160,9 @@ pub fn close_by_key(ctx: &Context, open: &mut bool) {
 
 /// The list of keys and gestures; it scrolls where the window is lower than it. It lies over a question that waits for an answer.
 pub fn shortcuts_ui(ctx: &Context, open: &mut bool) {
-    let most = (ctx.content_rect().height() - AROUND).max(AROUND);
+    let room = ctx.content_rect().size();
+    let most = (room.y - AROUND).max(AROUND);
+    let widths = SHARES.map(|share| share * (room.x - BESIDE).max(BESIDE));
     egui::Window::new("Keyboard and mouse")
         .open(open)
         .collapsible(false)
@@ -167,13 +173,21 @@ pub fn shortcuts_ui(ctx: &Context, open: &mut bool) {
             egui::ScrollArea::vertical().max_height(most).min_scrolled_height(most).show(ui, |ui| {
                 egui::Grid::new("shortcuts").num_columns(2).spacing([28.0, 7.0]).show(ui, |ui| {
                     for (keys, what) in rows(ctx) {
-                        ui.label(egui::RichText::new(keys).strong());
-                        ui.label(what);
+                        let words = [egui::RichText::new(keys).strong(), egui::RichText::new(what)];
+                        words.into_iter().zip(widths).for_each(|(words, width)| words_ui(ui, words, width));
                         ui.end_row();
                     }
                 });
             });
         });
+}
+
+/// Words of a cell of a grid, in several lines where they are wider.
+fn words_ui(ui: &mut Ui, words: egui::RichText, width: f32) {
+    ui.vertical(|ui| {
+        ui.set_max_width(width);
+        ui.label(words);
+    });
 }
 
 fn rows(ctx: &Context) -> Vec<(String, &'static str)> {

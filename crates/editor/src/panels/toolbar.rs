@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use eframe::egui::{self, Button, ThemePreference, Ui};
 
 use super::shortcuts;
+use super::sight::keep_in_sight;
 use crate::action::{Action, FileTask, Side, opened};
 use egui::gui_zoom::kb_shortcuts::{ZOOM_IN, ZOOM_OUT};
 
@@ -32,6 +33,8 @@ pub struct ToolbarState<'a> {
 const WIDE: f32 = 970.0;
 /// Points more where the look has a file that it goes back to.
 const WITH_FILE: f32 = 36.0;
+/// Points of the window that a menu of many lines leaves free; more of them are scrolled.
+const BESIDE_MENU: f32 = 60.0;
 
 /// Draws it.
 pub fn toolbar_ui(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
@@ -137,19 +140,23 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
 }
 
 fn recent_menu(ui: &mut Ui, recent: &[PathBuf], actions: &mut Vec<Action>) {
-    for path in recent {
-        if ui.button(recent_name(path, recent)).on_hover_text(path.display().to_string()).clicked() {
-            actions.push(opened(path.clone()));
+    let most = (ui.ctx().content_rect().height() - BESIDE_MENU).max(BESIDE_MENU);
+    egui::ScrollArea::vertical().max_height(most).show(ui, |ui| {
+        for path in recent {
+            if ui.button(recent_name(path, recent)).on_hover_text(path.display().to_string()).clicked() {
+                actions.push(opened(path.clone()));
+                ui.close();
+            }
+        }
+        if !recent.is_empty() {
+            ui.separator();
+        }
+        if ui.button("Built-in gallery").clicked() {
+            actions.push(Action::OpenBuiltIn);
             ui.close();
         }
-    }
-    if !recent.is_empty() {
-        ui.separator();
-    }
-    if ui.button("Built-in gallery").clicked() {
-        actions.push(Action::OpenBuiltIn);
-        ui.close();
-    }
+        keep_in_sight(ui, "recent files");
+    });
 }
 
 /// A file's name, with its folder where another one is called so.

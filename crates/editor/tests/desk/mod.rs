@@ -9,7 +9,9 @@ use clerestory::bake_cache::BakeCache;
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use eframe::egui::{DroppedFile, Event, Key, Modifiers, PointerButton, Pos2, Rect, Role, Vec2, vec2};
+use eframe::egui::{
+    DroppedFile, Event, Key, Modifiers, PointerButton, Pos2, Rect, Role, Vec2, ViewportCommand, ViewportEvent, vec2,
+};
 use egui_kittest::kittest::{NodeT, Queryable};
 use egui_kittest::{Harness, HarnessBuilder, Node};
 use glam::Vec3;
@@ -262,6 +264,53 @@ pub fn on_screen(window: &Window, point: Vec3) -> Pos2 {
     let room = area.size() - Vec2::splat(28.0);
     let scale = (room.x / size.x).min(room.y / size.y);
     area.center() + (vec2(px.x, px.y) - size / 2.0) * scale
+}
+
+/// Whether the window asked the system for something in the frame before.
+#[allow(dead_code, reason = "not every test of the window closes it")]
+pub fn sends(window: &Window, wanted: &ViewportCommand) -> bool {
+    window.output().viewport_output.values().any(|output| output.commands.contains(wanted))
+}
+
+/// Has the system ask the window to close; answers whether it does.
+#[allow(dead_code, reason = "not every test of the window closes it")]
+pub fn ask_to_close(window: &mut Window) -> bool {
+    let input = window.input_mut();
+    let id = input.viewport_id;
+    input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
+    window.step();
+    let closes = !sends(window, &ViewportCommand::CancelClose);
+    window.run_steps(2);
+    closes
+}
+
+/// Presses the key that closes the window, which the system then asks it to; answers whether it closes.
+#[allow(dead_code, reason = "not every test of the window closes it")]
+pub fn quit_by_key(window: &mut Window) -> bool {
+    let (key, modifiers) = (Key::Q, Modifiers::COMMAND);
+    let event = Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers };
+    window.input_mut().events.push(event);
+    // A field that is typed into takes its text first.
+    let is_heard = (0..4).any(|_| {
+        window.step();
+        sends(window, &ViewportCommand::Close)
+    });
+    assert!(is_heard, "the key closes nothing");
+    ask_to_close(window)
+}
+
+/// Sixteen pictures of noise in a folder: their bake takes its time.
+#[allow(dead_code, reason = "not every test of the window is about pictures")]
+pub fn noisy_stage() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for light in 0..16u32 {
+        let noise = |x: u32, y: u32| {
+            let bits = (x + 800 * y + 480_000 * light).wrapping_mul(0x9e37_79b9);
+            image::Luma([(bits ^ (bits >> 15)).wrapping_mul(0x85eb_ca6b).to_be_bytes()[0]])
+        };
+        image::GrayImage::from_fn(800, 600, noise).save(folder.path().join(format!("{light}.png"))).unwrap();
+    }
+    folder
 }
 
 /// A file on its way into the window.
