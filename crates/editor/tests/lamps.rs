@@ -19,7 +19,7 @@ use glam::Vec3;
 use serde_json::{Value, json};
 
 use desk::{
-    Dropped, Window, ask_for, ask_for_menu, baked, click, drag, on_screen, open, open_with, quick, reach,
+    Dropped, Window, ask_for, ask_for_menu, baked, click, drag, is_framed, on_screen, open, open_with, quick, reach,
     replace_and_reload, room, type_keys, wait, wait_until,
 };
 
@@ -75,6 +75,16 @@ fn a_lamp_from_the_menu_lights_the_room_and_is_one_step_of_undo() {
     window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     window.run_steps(3);
     assert_eq!(lamps(&window), added);
+}
+
+#[test]
+fn the_handle_that_has_the_keyboard_is_framed() {
+    const BODY: &str = "Move Point lamp 1 over surfaces";
+    let mut window = with_lamp("Point");
+    assert!(!is_framed(&window, BODY));
+    window.get_by_label(BODY).focus();
+    window.run_steps(2);
+    assert!(is_framed(&window, BODY));
 }
 
 #[test]

@@ -19,8 +19,8 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
 use desk::{
-    Window, ask_for_menu, baked, click, click_at, drag, on_screen, open, reach, replace_and_reload, room, type_keys,
-    wait,
+    Window, ask_for_menu, baked, click, click_at, drag, is_framed, on_screen, open, reach, replace_and_reload, room,
+    type_keys, wait,
 };
 
 /// A place on the back wall that no panel hides.
@@ -80,6 +80,28 @@ fn a_click_tells_who_lights_a_place_and_chooses_a_light() {
     window.key_press(Key::Escape);
     window.run_steps(3);
     assert!(window.query_by_label("Light here").is_none());
+}
+
+#[test]
+fn light_here_pins_its_place_and_is_closed_by_its_buttons() {
+    let mut window = baked();
+    let at = on_screen(&window, WALL);
+    click_at(&mut window, at);
+    let is_row = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() == Role::Button;
+    let row = window.query_all_by_label_contains(" %").find(is_row).unwrap().accesskit_node().label().unwrap();
+    assert!(!is_framed(&window, &row));
+    window.get_by_label(&row).focus();
+    window.run_steps(2);
+    assert!(is_framed(&window, &row), "it is seen where the keyboard is");
+    click(&mut window, "Pin");
+    let pin = window.get_by_label_contains("Probe 1, ").accesskit_node().label().unwrap();
+    click(&mut window, "Close Light here");
+    assert!(window.query_by_label("Light here").is_none());
+    window.get_by_label(&pin).focus();
+    window.run_steps(2);
+    assert!(is_framed(&window, &pin));
+    click(&mut window, "Undo");
+    assert!(window.query_by_label_contains("Probe 1, ").is_none(), "a probe belongs to the look");
 }
 
 #[test]

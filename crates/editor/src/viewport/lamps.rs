@@ -260,6 +260,7 @@ fn handle(ui: &Ui, at: Pos2, id: Id, words: &str) -> Response {
     if response.hovered() {
         ui.ctx().set_cursor_icon(CursorIcon::Grab);
     }
+    theme::keyboard_frame(ui, &response);
     response
 }
 

@@ -7,9 +7,10 @@ use std::time::Duration;
 use clerestory::app::{App, Start};
 use clerestory::bake_cache::BakeCache;
 use clerestory::session::{BakeSettings, BakeState, Source};
+use clerestory::theme::ACCENT;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use eframe::egui::{DroppedFile, Event, Key, Modifiers, PointerButton, Pos2, Rect, Role, Vec2, vec2};
+use eframe::egui::{DroppedFile, Event, Key, Modifiers, PointerButton, Pos2, Rect, Role, Shape, Vec2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use egui_kittest::{Harness, HarnessBuilder, Node};
 use glam::Vec3;
@@ -249,6 +250,16 @@ pub fn replace_and_reload(window: &mut Window, path: &Path, gltf: &Value) {
         std::thread::sleep(Duration::from_millis(20));
     }
     click(window, "Reload");
+}
+
+/// Whether a widget is framed as what has the keyboard.
+#[allow(dead_code, reason = "not every test of the window goes by keys")]
+pub fn is_framed(window: &Window, label: &str) -> bool {
+    let place = window.get_by_label(label).rect();
+    window.output().shapes.iter().any(|clipped| match &clipped.shape {
+        Shape::Rect(frame) => frame.stroke.color == ACCENT && (frame.rect.center() - place.center()).length() < 0.5,
+        _ => false,
+    })
 }
 
 /// Where a point of the room is on the screen.
