@@ -11,7 +11,7 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, pos2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use serde_json::{Value, json};
 
-use desk::{Window, baked, click, drag, is_framed, open, reach, room, type_over, wait};
+use desk::{Window, baked, click, drag, hints, is_framed, open, reach, room, type_over, wait};
 
 /// The room with three more lamps below a node: instances of one lamp.
 fn lit_room() -> Vec<u8> {
@@ -243,6 +243,12 @@ fn faders_take_keys_and_fine_drags_and_go_back() {
     let at = name(&window, "left");
     from_menu(&mut window, at, "Reset");
     assert_eq!(*window.state().look(), Look::default());
+}
+
+#[test]
+fn a_fader_says_what_its_way_is() {
+    let mut window = lit();
+    assert!(hints(&mut window, "left intensity", "Intensity in stops (EV)"));
 }
 
 #[test]

@@ -18,7 +18,8 @@ use eframe::egui::{
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{
-    Dropped, Kept, Window, ask_for, baked, click, drag, open_again, pull, room, save_as, type_over, wait, wait_until,
+    Dropped, Kept, Window, ask_for, baked, click, drag, hints, open_again, pull, room, save_as, type_over, wait,
+    wait_until,
 };
 
 fn names(window: &Window) -> Vec<&str> {
@@ -139,6 +140,23 @@ fn context_menu(window: &mut Window, card: &str, item: &str) {
     window.get_by_label(card).click_button(PointerButton::Secondary);
     window.run_steps(4);
     click(window, item);
+}
+
+#[test]
+fn what_a_look_or_the_timeline_cannot_do_says_why() {
+    let mut window = two_keys();
+    assert!(hints(&mut window, "Back to the lights", "The lights are shown as they are now"));
+    for (card, item, why) in [
+        ("Look Look", "Move left", "It is the first one"),
+        ("Look Look 2", "Move right", "It is the last one"),
+        ("Look Look 2", "Update", "Nothing was changed since"),
+    ] {
+        window.get_by_label(card).click_button(PointerButton::Secondary);
+        window.run_steps(4);
+        assert!(hints(&mut window, item, why), "{item}");
+        window.key_press(Key::Escape);
+        window.run_steps(4);
+    }
 }
 
 #[test]

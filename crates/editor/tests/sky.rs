@@ -456,5 +456,11 @@ fn kinds_of_sky_intensity_and_days_are_set_by_their_fields() {
     choose(&mut window, "Month", "February");
     let SunPlace::Time { time, .. } = sky(&window).sun.unwrap().place else { panic!("by angle") };
     assert_eq!(time.date, (2026, 2, 28), "there is no 31st of February");
+    typed(&mut window, "Year", "2030");
+    type_over(&mut window, "Intensity of the sun", "0.5");
+    settle(&mut window);
+    let sun = sky(&window).sun.unwrap();
+    let SunPlace::Time { time, .. } = sun.place else { panic!("by angle") };
+    assert_eq!((time.date, sun.intensity), ((2030, 2, 28), 0.5));
     assert!(window.get_by_label("Time of day").accesskit_node().numeric_value() == Some(600.0));
 }

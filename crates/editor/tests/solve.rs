@@ -231,6 +231,22 @@ fn colors_may_change_where_that_is_wished_and_within_a_saturation() {
 }
 
 #[test]
+fn none_of_the_lights_may_change_or_all_of_them() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    window.get_by_label("Lights to change (2 of 2)").scroll_to_me();
+    window.run_steps(8);
+    click(&mut window, "Lights to change (2 of 2)");
+    reach(&mut window, "None");
+    window.get_by_label("Lights to change (0 of 2)");
+    assert_eq!(window.state().look().wishes.held.len(), 2);
+    reach(&mut window, "All");
+    window.get_by_label("Lights to change (2 of 2)");
+    click(&mut window, "Undo");
+    window.get_by_label("Lights to change (0 of 2)");
+}
+
+#[test]
 fn solving_waits_until_all_lights_are_heard() {
     let mut window = measured();
     click(&mut window, "Solve for light");

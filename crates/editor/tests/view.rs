@@ -750,4 +750,8 @@ fn verticals_are_straightened_and_bookmarks_are_kept() {
     let back = window.state().camera().unwrap();
     assert_eq!((back.world_from_camera, back.shift), (tilted.world_from_camera, [0.0; 2]));
     window.get_by_label("Name of the bookmark");
+    reach(&mut window, "Remove");
+    assert!(window.state().look().bookmarks.is_empty() && window.query_by_label("Name of the bookmark").is_none());
+    click(&mut window, "Undo");
+    assert_eq!(window.state().look().bookmarks, kept, "one step");
 }

@@ -23,8 +23,8 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
 use desk::{
-    Dropped, Kept, Window, ask_for, ask_for_menu, baked, click, click_at, drag, on_screen, open, open_with, pull,
-    quick, reach, room, save_as, wait,
+    Dropped, Kept, Window, ask_for, ask_for_menu, baked, click, click_at, drag, hints, on_screen, open, open_with,
+    pull, quick, reach, room, save_as, wait,
 };
 
 #[test]
@@ -45,6 +45,16 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
     window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     window.run_steps(3);
     assert_eq!(window.state().look().lights.lights["lamp"].intensity, intensity);
+}
+
+#[test]
+fn a_disabled_button_says_why() {
+    let mut window = baked();
+    assert!(hints(&mut window, "Undo", "Nothing was changed yet"));
+    assert!(hints(&mut window, "Redo", "Nothing was undone"));
+    assert!(hints(&mut window, "Open look…", "Light what is open by a .look file"));
+    click(&mut window, "Measure");
+    assert!(hints(&mut window, "Clear", "Nothing is marked"));
 }
 
 #[test]

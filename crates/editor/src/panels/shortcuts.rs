@@ -22,7 +22,8 @@ pub const REDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus
 const REDO_TOO: KeyboardShortcut = command(Key::Y);
 /// Opens a scene or a bake.
 pub const OPEN: KeyboardShortcut = command(Key::O);
-const OPEN_LOOK: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::O);
+/// Opens a look.
+pub const OPEN_LOOK: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::O);
 /// Saves the look.
 pub const SAVE: KeyboardShortcut = command(Key::S);
 /// Saves the look in another file.

@@ -252,6 +252,17 @@ pub fn replace_and_reload(window: &mut Window, path: &Path, gltf: &Value) {
     click(window, "Reload");
 }
 
+/// Whether something says a part of this once the pointer rests on it.
+#[allow(dead_code, reason = "not every test of the window is about hints")]
+pub fn hints(window: &mut Window, label: &str, part: &str) -> bool {
+    window.get_by_label(label).scroll_to_me();
+    window.run_steps(8);
+    let at = window.get_by_label(label).rect().center();
+    window.hover_at(at);
+    window.run_steps(60);
+    window.query_all_by_label_contains(part).next().is_some()
+}
+
 /// Whether a widget is framed as what has the keyboard.
 #[allow(dead_code, reason = "not every test of the window goes by keys")]
 pub fn is_framed(window: &Window, label: &str) -> bool {
