@@ -284,6 +284,7 @@ fn board_and_table_edit_the_same_look() {
     click(&mut window, "Undo");
 
     click(&mut window, "Table");
+    assert!(hints(&mut window, "Color", "That of the file, another one"));
     click(&mut window, "Sort by lm");
     click(&mut window, "Mute middle");
     assert!(window.state().look().lights.lights["middle"].muted);

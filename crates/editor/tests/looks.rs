@@ -122,7 +122,8 @@ fn the_list_of_keys_fits_the_window_tells_what_there_is_and_esc_closes_it() {
     window.run_steps(4);
     let (title, whole) = (window.get_by_label("Keyboard and mouse").rect(), window.ctx.content_rect());
     assert!(whole.contains_rect(title), "{title} of {whole}");
-    for keys in ["W A S D, Q E, with Shift", "Shift, Alt while marking", "Camera by Alt + mouse"] {
+    let rows = ["W A S D, Q E, with Shift", "Shift, Alt while marking", "Camera by Alt + mouse"];
+    for keys in rows.into_iter().chain(["Arrow keys on colors and the sky, with Shift"]) {
         window.get_by_label(keys);
     }
     window.get_by_label_contains(&window.ctx.format_shortcut(&ZOOM_IN));

@@ -231,6 +231,41 @@ fn the_menu_of_the_picture_pins_a_probe_and_shows_each_pixel_or_all_of_them() {
 }
 
 #[test]
+fn the_menu_of_the_picture_zooms_to_the_rectangle_that_is_dragged_next() {
+    let mut window = baked();
+    let under = |window: &mut Window, at: Pos2| {
+        window.hover_at(at);
+        window.run_steps(4);
+        let words = window.get_by_label_contains("cd/m²").accesskit_node().value().unwrap();
+        words.split("   ").next().unwrap().to_owned()
+    };
+    let ask = |window: &mut Window, at: Pos2| {
+        ask_for_menu(window, at);
+        click(window, "Zoom to a rectangle");
+    };
+    let (at, middle) = (on_screen(&window, WALL), window.get_by_label("Picture").rect().center());
+    let from = middle + vec2(40.0, 20.0);
+    let (at_middle, at_region) = (under(&mut window, middle), under(&mut window, from + vec2(50.0, 35.0)));
+    assert_ne!(at_middle, at_region);
+    let look = window.state().look().clone();
+    ask(&mut window, at);
+    drag(&mut window, from, from + vec2(100.0, 70.0));
+    assert_eq!(under(&mut window, middle), at_region);
+    assert_eq!(*window.state().look(), look, "a region moves no light");
+    // What was asked for can be left.
+    window.key_press(Key::Home);
+    window.run_steps(2);
+    ask(&mut window, at);
+    window.key_press(Key::Escape);
+    window.run_steps(2);
+    window.key_down(Key::Space);
+    drag(&mut window, from, from + vec2(100.0, 70.0));
+    window.key_up(Key::Space);
+    window.run_steps(2);
+    assert_ne!(under(&mut window, middle), at_region, "it moves the picture again");
+}
+
+#[test]
 fn beside_the_picture_its_menu_offers_no_lamp() {
     let mut window = baked();
     let area = window.get_by_label("Picture").rect();

@@ -241,6 +241,8 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         ),
         (words("[ and ]"), "Selected lights a third of a stop darker, brighter"),
         (words("Arrow keys on a fader, with Shift"), "A third of a stop, a twelfth"),
+        (words("Arrow keys on colors and the sky, with Shift"), "Another color, another place of the sun, finely"),
+        (words("Arrow keys on the divider of a comparison"), "Move it"),
         (words("F2"), "Rename the selected light"),
         (words("Double-click on a name"), "Reset the light"),
         (words("Right-click on a name, a look, the picture"), "Its menu"),
