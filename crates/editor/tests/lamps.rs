@@ -19,8 +19,8 @@ use glam::Vec3;
 use serde_json::{Value, json};
 
 use desk::{
-    Dropped, Window, ask_for, ask_for_menu, baked, click, drag, is_framed, on_screen, open, open_with, quick, reach,
-    replace_and_reload, room, type_keys, wait, wait_until,
+    Dropped, Window, ask_for, ask_for_menu, baked, click, drag, hints, is_framed, on_screen, open, open_with, quick,
+    reach, replace_and_reload, room, type_keys, wait, wait_until,
 };
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
@@ -75,6 +75,13 @@ fn a_lamp_from_the_menu_lights_the_room_and_is_one_step_of_undo() {
     window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     window.run_steps(3);
     assert_eq!(lamps(&window), added);
+}
+
+#[test]
+fn the_kinds_of_lamps_say_what_they_are() {
+    let mut window = baked();
+    click(&mut window, "Add lamp");
+    assert!(hints(&mut window, "Spot", "A cone of light with a soft rim"));
 }
 
 #[test]

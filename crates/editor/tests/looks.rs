@@ -404,6 +404,10 @@ fn a_look_that_is_kept_is_seen_however_many_there_are() {
 fn presets_are_made_of_the_lights_of_the_scene() {
     let mut window = baked();
     click(&mut window, "Presets");
+    assert!(hints(&mut window, "Night", "Warm lamps, hardly anything from outside"));
+    window.key_press(Key::Escape);
+    window.run_steps(4);
+    click(&mut window, "Presets");
     click(&mut window, "All four");
     assert_eq!(names(&window), ["Day", "Dusk", "Night", "Exhibition"]);
     assert_eq!(window.state().look().on.as_deref(), Some("Day"));
