@@ -22,7 +22,7 @@ use serde_json::json;
 
 use desk::{
     Dropped, Kept, Window, baked, click, click_at, drag, on_screen, quick, reach, replace_and_reload, room, save_as,
-    wait, wait_until,
+    type_over, wait, wait_until,
 };
 
 /// The room, baked with the light that arrives.
@@ -927,11 +927,21 @@ fn the_brush_marks_what_the_pointer_passes_over_and_esc_puts_it_down() {
     let both = window.state().marked_lux().unwrap().points;
     assert!(both < 64 * 48 / 2, "{both} of all pixels");
 
+    // A wider brush marks more by the same stroke.
+    click(&mut window, "Clear");
+    wait(&mut window, |app| app.marked_lux().is_none() && !app.is_solving());
+    type_over(&mut window, "Radius", "4");
+    let (from, to) = (place(&window, 0.3, 0.7), place(&window, 0.6, 0.7));
+    drag(&mut window, from, to);
+    wait(&mut window, |app| app.marked_lux().is_some() && !app.is_solving());
+    let wide = window.state().marked_lux().unwrap().points;
+    assert!(wide > stroke, "{wide} {stroke}");
+
     window.key_press(Key::Escape);
     window.run_steps(3);
     let (from, to) = (place(&window, 0.3, 0.2), place(&window, 0.6, 0.2));
     drag(&mut window, from, to);
     window.run_steps(5);
     wait(&mut window, |app| !app.is_solving());
-    assert_eq!(window.state().marked_lux().unwrap().points, both, "the pointer marks no more");
+    assert_eq!(window.state().marked_lux().unwrap().points, wide, "the pointer marks no more");
 }
