@@ -134,7 +134,8 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
         }
     }
     let button = ui.add_enabled(state.has_picture, Button::new("Export…"));
-    let hint = format!("Write the picture as PNG or linear EXR, {export}\nThe scene itself: “Save as glTF…” beside the looks");
+    let hint =
+        format!("Write the picture as PNG or linear EXR, {export}\nThe scene itself: “Save as glTF…” beside the looks");
     let button = button.on_hover_text(hint);
     if button.on_disabled_hover_text("There is no picture yet").clicked() {
         actions.push(Action::Ask(FileTask::Export));
