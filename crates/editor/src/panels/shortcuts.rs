@@ -227,6 +227,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Click on a lamp"), "Choose it, show its handles"),
         (words("Drag an arrow or a square"), "Move the lamp along an axis or across it"),
         (words("Drag the lamp, Alt + drag"), "Move it over surfaces, or freely; what is selected with it goes along"),
+        (words("Arrow keys on a handle of a lamp, with Shift"), "Move the lamp, finely"),
         (words("Shift while dragging a lamp or a spot"), "Finer steps"),
         (words("Esc while dragging"), "Put it back: a lamp, a spot, a look, a key of the timeline"),
         (words("A, then click"), "Aim the selected lamps at what is clicked"),
