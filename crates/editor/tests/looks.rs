@@ -429,6 +429,9 @@ fn two_looks_are_compared_and_the_divider_is_dragged() {
     // The first side is a look that is not on, which the printer makes at full size.
     wait(&mut window, |app| app.is_settled());
     window.run_steps(4);
+    // Who does not see them is told which look is on which side.
+    window.get_by_label("On the left: Look");
+    window.get_by_label("On the right: Now");
     let divider = window.get_by_label("Compare divider").rect();
     let picture = window.get_by_label("Picture").rect();
     assert!((divider.center().x - picture.center().x).abs() < 2.0, "{divider} {picture}");
