@@ -658,6 +658,8 @@ fn a_color_is_picked_by_arrow_keys_and_what_has_the_keyboard_is_framed() {
     press(&mut window, Key::ArrowRight);
     let [r, g, b] = color(&window);
     assert!(r > 0.99 && g > 0.0 && b < 1e-3, "towards yellow: {r} {g} {b}");
+    let told = |window: &Window, label: &str| window.get_by_label(label).accesskit_node().value();
+    assert_eq!(told(&window, "Hue").as_deref(), Some("7°"));
     window.get_by_label("Saturation and value").focus();
     window.run_steps(2);
     assert!(is_framed(&window, "Saturation and value") && !is_framed(&window, "Hue"));

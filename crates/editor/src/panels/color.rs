@@ -201,11 +201,13 @@ fn picker_ui(ui: &mut Ui, linear: [f32; 3]) -> Option<[f32; 3]> {
     };
     let square = field(ui, "Saturation and value", PICKER_WIDTH * 0.62, |s, v| HsvaGamma { s, v, ..hsv });
     let mut moved = false;
-    if let Some([s, v]) = square.moved(ui, [hsv.s, hsv.v]) {
+    let words = |[s, v]: [f32; 2]| format!("Saturation {:.0} %, value {:.0} %", 100.0 * s, 100.0 * v);
+    if let Some([s, v]) = square.moved(ui, [hsv.s, hsv.v], words) {
         (hsv.s, hsv.v, moved) = (s, v, true);
     }
     let bar = field(ui, "Hue", 16.0, |h, _| HsvaGamma { h, s: 1.0, v: 1.0, a: 1.0 });
-    if let Some([h, _]) = bar.moved(ui, [hsv.h, 0.5]).filter(|[h, _]| *h != hsv.h) {
+    let words = |[h, _]: [f32; 2]| format!("{:.0}°", 360.0 * h);
+    if let Some([h, _]) = bar.moved(ui, [hsv.h, 0.5], words).filter(|[h, _]| *h != hsv.h) {
         (hsv.h, moved) = (h, true);
     }
     let color = if moved { Hsva::from(hsv).to_rgb() } else { linear };
@@ -258,8 +260,9 @@ fn field(ui: &mut Ui, name: &str, height: f32, color: impl Fn(f32, f32) -> HsvaG
 }
 
 impl Field {
-    /// Draws the mark, and answers where it was dragged or taken by arrow keys: 0…1 to the right and up.
-    fn moved(&self, ui: &Ui, at: [f32; 2]) -> Option<[f32; 2]> {
+    /// Draws the mark, and answers where it was dragged or taken by arrow keys: 0…1 to the right and up. `words` tell a place to those
+    /// who do not see it.
+    fn moved(&self, ui: &Ui, at: [f32; 2], words: impl Fn([f32; 2]) -> String) -> Option<[f32; 2]> {
         let rect = self.0.rect;
         let dragged = self.0.interact_pointer_pos().map(|p| {
             let to = (p - rect.min) / rect.size();
@@ -270,6 +273,7 @@ impl Field {
         let moved = dragged.or((step != Vec2::ZERO).then_some(stepped));
         theme::keyboard_frame(ui, &self.0);
         let [x, y] = moved.unwrap_or(at);
+        ui.ctx().accesskit_node_builder(self.0.id, |node| node.set_value(words([x, y])));
         let center = rect.min + vec2(x, 1.0 - y) * rect.size();
         ui.painter().circle_stroke(center, 6.0, Stroke::new(3.0, Color32::from_black_alpha(160)));
         ui.painter().circle_stroke(center, 6.0, Stroke::new(1.5, Color32::WHITE));
