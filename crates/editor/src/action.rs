@@ -162,6 +162,8 @@ pub enum Action {
     ForgetView(u64),
     /// Show a pixel of the picture on each pixel of the screen.
     OneToOne,
+    /// Zoom to the rectangle that is dragged next in the picture.
+    ZoomToRegion,
     /// Hides all panels but the bars, or shows them again.
     TogglePanels,
     /// Closes one of the panels at the sides, or opens it.

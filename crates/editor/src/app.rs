@@ -405,6 +405,7 @@ impl App {
             Action::StepView(by) => self.step_view(by),
             Action::ForgetView(id) => self.session.forget_view(id),
             Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
+            Action::ZoomToRegion => self.view.zoom.await_region(),
             Action::TogglePanels => self.is_bare = !self.is_bare,
             Action::TogglePanel(side) => self.toggle_panel(ctx, side),
             Action::ToggleShortcuts => self.toggle_shortcuts(ctx),

@@ -120,6 +120,13 @@ pub fn accent_text(ui: &egui::Ui) -> Color32 {
     ui.visuals().hyperlink_color
 }
 
+/// Frames a widget of our own while it has the keyboard, as the toolkit's own show it.
+pub fn keyboard_frame(ui: &egui::Ui, response: &egui::Response) {
+    if response.has_focus() {
+        ui.painter().rect_stroke(response.rect, 3.0, Stroke::new(1.5, ACCENT), egui::StrokeKind::Outside);
+    }
+}
+
 /// Heading of a section, with a thin line under it.
 pub fn section(ui: &mut egui::Ui, title: &str) {
     ui.add_space(4.0);

@@ -297,6 +297,7 @@ fn view_menu(ui: &mut Ui, px: Option<[u32; 2]>, probes: &mut Probes, actions: &m
     let ways = [
         ("Show the whole picture", "F, or a double-click", Action::FitPicture),
         ("Show it pixel by pixel", "1", Action::OneToOne),
+        ("Zoom to a rectangle", "Drag it in the picture, or leave it by Esc; Z + drag", Action::ZoomToRegion),
     ];
     for (words, keys, action) in ways {
         if ui.button(words).on_hover_text(keys).clicked() {

@@ -23,8 +23,8 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{
-    Dropped, Kept, Window, baked, click, drag, open, open_again, open_with, quick, reach, replace_and_reload, room,
-    save_as, wait, wait_until,
+    Dropped, Kept, Window, baked, click, drag, hints, open, open_again, open_with, quick, reach, replace_and_reload,
+    room, save_as, wait, wait_until,
 };
 
 fn source() -> Source {
@@ -314,7 +314,7 @@ fn a_bake_that_was_stopped_goes_on_and_its_error_is_plotted() {
     assert!(window.query_by_label("Resume bake").is_none() && window.query_by_label("Start bake").is_some());
     window.key_press(Key::Escape);
     window.run_steps(3);
-    window.get_by_label("Start over");
+    assert!(hints(&mut window, "Start over", "Bakes from the beginning"));
     reach(&mut window, "Resume bake");
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
     let error_db = window.state().session().error_db.unwrap().total;

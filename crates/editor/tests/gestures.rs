@@ -276,6 +276,7 @@ fn on_a_trackpad_two_fingers_turn_the_camera_and_with_keys_they_move_it() {
     }
     // Up and down, too: the toolkit makes a way to the side of what is scrolled with Shift.
     let before = take_in_hand(&mut window);
+    window.get_by_label("Camera: two fingers turn it, with Shift they move it, a pinch comes nearer");
     let at = middle(&window);
     scroll(&mut window, at, vec2(0.0, 40.0), Modifiers::SHIFT);
     let way = window.state().camera().unwrap().position() - before.position();

@@ -19,8 +19,8 @@ use glam::Vec3;
 use serde_json::{Value, json};
 
 use desk::{
-    Dropped, Window, ask_for, ask_for_menu, baked, click, drag, on_screen, open, open_with, quick, reach,
-    replace_and_reload, room, type_keys, wait, wait_until,
+    Dropped, Window, ask_for, ask_for_menu, baked, click, drag, hints, is_framed, on_screen, open, open_with, quick,
+    reach, replace_and_reload, room, type_keys, wait, wait_until,
 };
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
@@ -75,6 +75,42 @@ fn a_lamp_from_the_menu_lights_the_room_and_is_one_step_of_undo() {
     window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     window.run_steps(3);
     assert_eq!(lamps(&window), added);
+}
+
+#[test]
+fn a_handle_goes_by_arrow_keys_and_takes_what_is_selected_along() {
+    let mut window = with_two_lamps("Point", ["Point lamp 1", "Point lamp 2"]);
+    let before = lamps(&window);
+    let step = |window: &mut Window, modifiers: Modifiers, key: Key| -> Vec<Vec3> {
+        window.get_by_label("Move Point lamp 2 along X").focus();
+        window.run_steps(2);
+        window.key_press_modifiers(modifiers, key);
+        window.run_steps(3);
+        lamps(window).iter().zip(&before).map(|(now, was)| now.position - was.position).collect()
+    };
+    let right = step(&mut window, Modifiers::NONE, Key::ArrowRight);
+    assert!(right[0].distance(right[1]) < 1e-5, "{right:?}");
+    assert!(right[0].x > 1e-3 && right[0].with_x(0.0).length() < 1e-5, "{right:?}");
+    let back = step(&mut window, Modifiers::SHIFT, Key::ArrowLeft);
+    assert!(back[0].x < right[0].x && back[0].x > 0.8 * right[0].x, "with Shift finely: {back:?} {right:?}");
+    assert!(back[0].distance(back[1]) < 1e-5, "{back:?}");
+}
+
+#[test]
+fn the_kinds_of_lamps_say_what_they_are() {
+    let mut window = baked();
+    click(&mut window, "Add lamp");
+    assert!(hints(&mut window, "Spot", "A cone of light with a soft rim"));
+}
+
+#[test]
+fn the_handle_that_has_the_keyboard_is_framed() {
+    const BODY: &str = "Move Point lamp 1 over surfaces";
+    let mut window = with_lamp("Point");
+    assert!(!is_framed(&window, BODY));
+    window.get_by_label(BODY).focus();
+    window.run_steps(2);
+    assert!(is_framed(&window, BODY));
 }
 
 #[test]

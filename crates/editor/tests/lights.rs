@@ -11,7 +11,7 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, pos2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use serde_json::{Value, json};
 
-use desk::{Window, baked, click, drag, open, reach, room, type_over, wait};
+use desk::{Window, baked, click, drag, hints, is_framed, open, reach, room, type_over, wait};
 
 /// The room with three more lamps below a node: instances of one lamp.
 fn lit_room() -> Vec<u8> {
@@ -246,6 +246,12 @@ fn faders_take_keys_and_fine_drags_and_go_back() {
 }
 
 #[test]
+fn a_fader_says_what_its_way_is() {
+    let mut window = lit();
+    assert!(hints(&mut window, "left intensity", "Intensity in stops (EV)"));
+}
+
+#[test]
 fn intensities_are_told_in_the_unit_that_is_chosen() {
     let mut window = lit();
     click(&mut window, "Unit of intensities");
@@ -278,6 +284,7 @@ fn board_and_table_edit_the_same_look() {
     click(&mut window, "Undo");
 
     click(&mut window, "Table");
+    assert!(hints(&mut window, "Color", "That of the file, another one"));
     click(&mut window, "Sort by lm");
     click(&mut window, "Mute middle");
     assert!(window.state().look().lights.lights["middle"].muted);
@@ -630,6 +637,37 @@ fn a_light_has_a_color_temperature_a_color_of_six_digits_or_that_of_its_file() {
     assert!(r > 0.99 && g < 0.01 && b < 0.01, "{r} {g} {b}");
     click(&mut window, "From file");
     assert_eq!(*window.state().look(), Look::default());
+}
+
+#[test]
+fn a_color_is_picked_by_arrow_keys_and_what_has_the_keyboard_is_framed() {
+    let mut window = lit();
+    assert!(!is_framed(&window, "left color"));
+    window.get_by_label("left color").focus();
+    window.run_steps(2);
+    assert!(is_framed(&window, "left color"));
+    click(&mut window, "left color");
+    click(&mut window, "Color");
+    type_over(&mut window, "left hex", "#FF0000");
+    let color = |window: &Window| window.state().look().lights.own_setting("left").color.unwrap();
+    window.get_by_label("Hue").focus();
+    window.run_steps(2);
+    assert!(is_framed(&window, "Hue"));
+    press(&mut window, Key::ArrowUp);
+    assert_eq!(color(&window), [1.0, 0.0, 0.0], "a bar of hues has no way up");
+    press(&mut window, Key::ArrowRight);
+    let [r, g, b] = color(&window);
+    assert!(r > 0.99 && g > 0.0 && b < 1e-3, "towards yellow: {r} {g} {b}");
+    let told = |window: &Window, label: &str| window.get_by_label(label).accesskit_node().value();
+    assert_eq!(told(&window, "Hue").as_deref(), Some("7°"));
+    window.get_by_label("Saturation and value").focus();
+    window.run_steps(2);
+    assert!(is_framed(&window, "Saturation and value") && !is_framed(&window, "Hue"));
+    press(&mut window, Key::ArrowLeft);
+    let paler = color(&window);
+    assert!(paler[2] > b + 1e-4, "{paler:?}");
+    press(&mut window, Key::ArrowDown);
+    assert!(color(&window)[0] < paler[0] - 1e-3, "{:?}", color(&window));
 }
 
 #[test]

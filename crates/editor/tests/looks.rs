@@ -19,8 +19,8 @@ use eframe::egui::{
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{
-    Dropped, Kept, Window, ask_for, ask_to_close, baked, click, drag, open_again, pull, quit_by_key, room, save_as,
-    type_over, wait, wait_until,
+    Dropped, Kept, Window, ask_for, ask_to_close, baked, click, drag, hints, open_again, pull, quit_by_key, room,
+    save_as, type_over, wait, wait_until,
 };
 
 fn names(window: &Window) -> Vec<&str> {
@@ -123,7 +123,8 @@ fn the_list_of_keys_fits_the_window_tells_what_there_is_and_esc_closes_it() {
     window.run_steps(4);
     let (title, whole) = (window.get_by_label("Keyboard and mouse").rect(), window.ctx.content_rect());
     assert!(whole.contains_rect(title), "{title} of {whole}");
-    for keys in ["W A S D, Q E, with Shift", "Shift, Alt while marking", "Camera by Alt + mouse"] {
+    let rows = ["W A S D, Q E, with Shift", "Shift, Alt while marking", "Camera by Alt + mouse"];
+    for keys in rows.into_iter().chain(["Arrow keys on colors and the sky, with Shift"]) {
         window.get_by_label(keys);
     }
     window.get_by_label_contains(&window.ctx.format_shortcut(&ZOOM_IN));
@@ -141,6 +142,23 @@ fn context_menu(window: &mut Window, card: &str, item: &str) {
     window.get_by_label(card).click_button(PointerButton::Secondary);
     window.run_steps(4);
     click(window, item);
+}
+
+#[test]
+fn what_a_look_or_the_timeline_cannot_do_says_why() {
+    let mut window = two_keys();
+    assert!(hints(&mut window, "Back to the lights", "The lights are shown as they are now"));
+    for (card, item, why) in [
+        ("Look Look", "Move left", "It is the first one"),
+        ("Look Look 2", "Move right", "It is the last one"),
+        ("Look Look 2", "Update", "Nothing was changed since"),
+    ] {
+        window.get_by_label(card).click_button(PointerButton::Secondary);
+        window.run_steps(4);
+        assert!(hints(&mut window, item, why), "{item}");
+        window.key_press(Key::Escape);
+        window.run_steps(4);
+    }
 }
 
 #[test]
@@ -387,6 +405,10 @@ fn a_look_that_is_kept_is_seen_however_many_there_are() {
 fn presets_are_made_of_the_lights_of_the_scene() {
     let mut window = baked();
     click(&mut window, "Presets");
+    assert!(hints(&mut window, "Night", "Warm lamps, hardly anything from outside"));
+    window.key_press(Key::Escape);
+    window.run_steps(4);
+    click(&mut window, "Presets");
     click(&mut window, "All four");
     assert_eq!(names(&window), ["Day", "Dusk", "Night", "Exhibition"]);
     assert_eq!(window.state().look().on.as_deref(), Some("Day"));
@@ -408,6 +430,9 @@ fn two_looks_are_compared_and_the_divider_is_dragged() {
     // The first side is a look that is not on, which the printer makes at full size.
     wait(&mut window, |app| app.is_settled());
     window.run_steps(4);
+    // Who does not see them is told which look is on which side.
+    window.get_by_label("On the left: Look");
+    window.get_by_label("On the right: Now");
     let divider = window.get_by_label("Compare divider").rect();
     let picture = window.get_by_label("Picture").rect();
     assert!((divider.center().x - picture.center().x).abs() < 2.0, "{divider} {picture}");

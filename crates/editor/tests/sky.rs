@@ -8,10 +8,9 @@ use clerestory::look::Look;
 use clerestory::session::{BakeState, Source};
 use clerestory_transport::basis::SourceKind;
 use clerestory_transport::sky::{SkySetting, SunPlace, SunPosition, sun_direction};
-use eframe::egui::{Event, Vec2, pos2, vec2};
+use desk::{Dropped, Kept, Window, click, click_at, drag, is_framed, open, open_again, type_over, wait, wait_until};
+use eframe::egui::{Event, Key, Modifiers, Vec2, pos2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
-
-use desk::{Dropped, Kept, Window, click, click_at, drag, open, open_again, type_over, wait, wait_until};
 
 /// The room without ceiling, front and back, so that the sky is seen and lights it.
 fn court() -> Source {
@@ -241,6 +240,39 @@ fn the_sun_is_dragged_on_the_dome_and_says_that_it_is_soft_there() {
         let light = |app: &clerestory::app::App| app.session().basis()?.sky_light(&app.look().lights);
         app.session().basis().zip(light(app)).is_some_and(|(basis, light)| basis.keeps_its_sun(&light))
     });
+}
+
+#[test]
+fn the_dome_goes_by_arrow_keys_too() {
+    const DOME: &str = "Dome of the sky";
+    let mut window = under_the_sky();
+    let step = |window: &mut Window, modifiers: Modifiers, key: Key| {
+        window.get_by_label(DOME).focus();
+        window.run_steps(2);
+        window.key_press_modifiers(modifiers, key);
+        window.run_steps(3);
+        settle(window);
+    };
+    assert!(!is_framed(&window, DOME));
+    step(&mut window, Modifiers::NONE, Key::ArrowRight);
+    step(&mut window, Modifiers::NONE, Key::ArrowUp);
+    step(&mut window, Modifiers::SHIFT, Key::ArrowLeft);
+    assert!(is_framed(&window, DOME));
+    assert_eq!(angles(&window), (135.9, 41.0));
+
+    click(&mut window, "By date and place");
+    settle(&mut window);
+    let hour = |window: &Window| match sky(window).sun.unwrap().place {
+        SunPlace::Time { time, .. } => time.hour,
+        SunPlace::Angles { .. } => panic!("the sun stands by angle"),
+    };
+    let before = hour(&window);
+    step(&mut window, Modifiers::NONE, Key::ArrowRight);
+    assert!((hour(&window) - before - 1.0 / 6.0).abs() < 1e-9, "{} {before}", hour(&window));
+
+    choose(&mut window, "Kind of sky", "Uniform");
+    step(&mut window, Modifiers::NONE, Key::ArrowRight);
+    assert_eq!(sky(&window).rotation_deg, -1.0, "clockwise, as a drag turns it");
 }
 
 #[test]
@@ -518,5 +550,11 @@ fn kinds_of_sky_intensity_and_days_are_set_by_their_fields() {
     choose(&mut window, "Month", "February");
     let SunPlace::Time { time, .. } = sky(&window).sun.unwrap().place else { panic!("by angle") };
     assert_eq!(time.date, (2026, 2, 28), "there is no 31st of February");
+    typed(&mut window, "Year", "2030");
+    type_over(&mut window, "Intensity of the sun", "0.5");
+    settle(&mut window);
+    let sun = sky(&window).sun.unwrap();
+    let SunPlace::Time { time, .. } = sun.place else { panic!("by angle") };
+    assert_eq!((time.date, sun.intensity), ((2030, 2, 28), 0.5));
     assert!(window.get_by_label("Time of day").accesskit_node().numeric_value() == Some(600.0));
 }

@@ -232,6 +232,22 @@ fn colors_may_change_where_that_is_wished_and_within_a_saturation() {
 }
 
 #[test]
+fn none_of_the_lights_may_change_or_all_of_them() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    window.get_by_label("Lights to change (2 of 2)").scroll_to_me();
+    window.run_steps(8);
+    click(&mut window, "Lights to change (2 of 2)");
+    reach(&mut window, "None");
+    window.get_by_label("Lights to change (0 of 2)");
+    assert_eq!(window.state().look().wishes.held.len(), 2);
+    reach(&mut window, "All");
+    window.get_by_label("Lights to change (2 of 2)");
+    click(&mut window, "Undo");
+    window.get_by_label("Lights to change (0 of 2)");
+}
+
+#[test]
 fn solving_waits_until_all_lights_are_heard() {
     let mut window = measured();
     click(&mut window, "Solve for light");
@@ -978,11 +994,21 @@ fn the_brush_marks_what_the_pointer_passes_over_and_esc_puts_it_down() {
     let both = window.state().marked_lux().unwrap().points;
     assert!(both < 64 * 48 / 2, "{both} of all pixels");
 
+    // A wider brush marks more by the same stroke.
+    click(&mut window, "Clear");
+    wait(&mut window, |app| app.marked_lux().is_none() && !app.is_solving());
+    type_over(&mut window, "Radius", "4");
+    let (from, to) = (place(&window, 0.3, 0.7), place(&window, 0.6, 0.7));
+    drag(&mut window, from, to);
+    wait(&mut window, |app| app.marked_lux().is_some() && !app.is_solving());
+    let wide = window.state().marked_lux().unwrap().points;
+    assert!(wide > stroke, "{wide} {stroke}");
+
     window.key_press(Key::Escape);
     window.run_steps(3);
     let (from, to) = (place(&window, 0.3, 0.2), place(&window, 0.6, 0.2));
     drag(&mut window, from, to);
     window.run_steps(5);
     wait(&mut window, |app| !app.is_solving());
-    assert_eq!(window.state().marked_lux().unwrap().points, both, "the pointer marks no more");
+    assert_eq!(window.state().marked_lux().unwrap().points, wide, "the pointer marks no more");
 }

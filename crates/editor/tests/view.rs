@@ -19,8 +19,8 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
 use desk::{
-    Window, ask_for_menu, baked, click, click_at, drag, on_screen, open, reach, replace_and_reload, room, type_keys,
-    wait,
+    Window, ask_for_menu, baked, click, click_at, drag, is_framed, on_screen, open, reach, replace_and_reload, room,
+    type_keys, wait,
 };
 
 /// A place on the back wall that no panel hides.
@@ -80,6 +80,28 @@ fn a_click_tells_who_lights_a_place_and_chooses_a_light() {
     window.key_press(Key::Escape);
     window.run_steps(3);
     assert!(window.query_by_label("Light here").is_none());
+}
+
+#[test]
+fn light_here_pins_its_place_and_is_closed_by_its_buttons() {
+    let mut window = baked();
+    let at = on_screen(&window, WALL);
+    click_at(&mut window, at);
+    let is_row = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() == Role::Button;
+    let row = window.query_all_by_label_contains(" %").find(is_row).unwrap().accesskit_node().label().unwrap();
+    assert!(!is_framed(&window, &row));
+    window.get_by_label(&row).focus();
+    window.run_steps(2);
+    assert!(is_framed(&window, &row), "it is seen where the keyboard is");
+    click(&mut window, "Pin");
+    let pin = window.get_by_label_contains("Probe 1, ").accesskit_node().label().unwrap();
+    click(&mut window, "Close Light here");
+    assert!(window.query_by_label("Light here").is_none());
+    window.get_by_label(&pin).focus();
+    window.run_steps(2);
+    assert!(is_framed(&window, &pin));
+    click(&mut window, "Undo");
+    assert!(window.query_by_label_contains("Probe 1, ").is_none(), "a probe belongs to the look");
 }
 
 #[test]
@@ -206,6 +228,41 @@ fn the_menu_of_the_picture_pins_a_probe_and_shows_each_pixel_or_all_of_them() {
     assert!(pin(&window).distance(middle) < 40.0, "{}", pin(&window));
     from_menu(&mut window, beside, "Show the whole picture");
     assert_eq!(pin(&window), pinned);
+}
+
+#[test]
+fn the_menu_of_the_picture_zooms_to_the_rectangle_that_is_dragged_next() {
+    let mut window = baked();
+    let under = |window: &mut Window, at: Pos2| {
+        window.hover_at(at);
+        window.run_steps(4);
+        let words = window.get_by_label_contains("cd/m²").accesskit_node().value().unwrap();
+        words.split("   ").next().unwrap().to_owned()
+    };
+    let ask = |window: &mut Window, at: Pos2| {
+        ask_for_menu(window, at);
+        click(window, "Zoom to a rectangle");
+    };
+    let (at, middle) = (on_screen(&window, WALL), window.get_by_label("Picture").rect().center());
+    let from = middle + vec2(40.0, 20.0);
+    let (at_middle, at_region) = (under(&mut window, middle), under(&mut window, from + vec2(50.0, 35.0)));
+    assert_ne!(at_middle, at_region);
+    let look = window.state().look().clone();
+    ask(&mut window, at);
+    drag(&mut window, from, from + vec2(100.0, 70.0));
+    assert_eq!(under(&mut window, middle), at_region);
+    assert_eq!(*window.state().look(), look, "a region moves no light");
+    // What was asked for can be left.
+    window.key_press(Key::Home);
+    window.run_steps(2);
+    ask(&mut window, at);
+    window.key_press(Key::Escape);
+    window.run_steps(2);
+    window.key_down(Key::Space);
+    drag(&mut window, from, from + vec2(100.0, 70.0));
+    window.key_up(Key::Space);
+    window.run_steps(2);
+    assert_ne!(under(&mut window, middle), at_region, "it moves the picture again");
 }
 
 #[test]
@@ -728,4 +785,8 @@ fn verticals_are_straightened_and_bookmarks_are_kept() {
     let back = window.state().camera().unwrap();
     assert_eq!((back.world_from_camera, back.shift), (tilted.world_from_camera, [0.0; 2]));
     window.get_by_label("Name of the bookmark");
+    reach(&mut window, "Remove");
+    assert!(window.state().look().bookmarks.is_empty() && window.query_by_label("Name of the bookmark").is_none());
+    click(&mut window, "Undo");
+    assert_eq!(window.state().look().bookmarks, kept, "one step");
 }

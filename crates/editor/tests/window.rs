@@ -23,8 +23,8 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
 use desk::{
-    Dropped, Kept, Window, ask_for, ask_for_menu, ask_to_close, baked, click, click_at, drag, noisy_stage, on_screen,
-    open, open_with, pull, quick, quit_by_key, reach, room, save_as, wait,
+    Dropped, Kept, Window, ask_for, ask_for_menu, ask_to_close, baked, click, click_at, drag, hints, noisy_stage,
+    on_screen, open, open_with, pull, quick, quit_by_key, reach, room, save_as, type_over, wait,
 };
 
 #[test]
@@ -45,6 +45,17 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
     window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     window.run_steps(3);
     assert_eq!(window.state().look().lights.lights["lamp"].intensity, intensity);
+}
+
+#[test]
+fn a_disabled_button_says_why() {
+    let mut window = baked();
+    assert!(hints(&mut window, "Undo", "Nothing was changed yet"));
+    assert!(hints(&mut window, "Redo", "Nothing was undone"));
+    assert!(hints(&mut window, "Open look…", "Light what is open by a .look file"));
+    assert!(hints(&mut window, "Export…", "The scene itself"));
+    click(&mut window, "Measure");
+    assert!(hints(&mut window, "Clear", "Nothing is marked"));
 }
 
 #[test]
@@ -679,6 +690,14 @@ fn white_balance_metering_and_false_color_are_part_of_the_look() {
     click(&mut window, "Fit range");
     let [low, high] = window.state().look().display.false_color.unwrap().range.unwrap();
     assert!(low > 0.0 && low < high, "{low} {high}");
+
+    type_over(&mut window, "Tint", "0.01");
+    click(&mut window, "Metering");
+    click(&mut window, "Percentile");
+    type_over(&mut window, "Below white", "90");
+    let display = window.state().look().display;
+    assert_eq!(display.metering, clerestory_relight::display::Metering::Percentile(90.0));
+    assert_eq!(display.white.map(|white| white.duv), Some(0.01));
 }
 
 #[test]

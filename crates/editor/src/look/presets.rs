@@ -61,6 +61,16 @@ impl Preset {
         Preset::ALL.iter().find(|(preset, ..)| *preset == self).map_or("", |(.., words)| words)
     }
 
+    /// What it makes of a scene, for people.
+    pub fn hint(self) -> &'static str {
+        match self {
+            Preset::Day => "Light from outside at its full; without any, neutral light of all lamps",
+            Preset::Dusk => "A dim blue sky, a low warm sun, lamps on",
+            Preset::Night => "Warm lamps, hardly anything from outside",
+            Preset::Exhibition => "Accents on what is shown, the rest held back",
+        }
+    }
+
     /// The preset for a scene with these lights. The sky of `look` stays, and so do its free lamps, where they are; all are
     /// dimmed like the others. Lights in whose place a free lamp shines stay dark.
     pub fn of(self, basis: &LightBasis, look: &Look) -> Snapshot {

@@ -343,7 +343,8 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
         if ui.add_sized(width, resume).on_hover_text(hint).clicked() {
             actions.push(Action::ResumeBake);
         }
-        if ui.add_sized(width, Button::new("Start over")).clicked() {
+        let over = ui.add_sized(width, Button::new("Start over"));
+        if over.on_hover_text("Bakes from the beginning; the blocks that are there do not count").clicked() {
             actions.push(Action::StartBake);
         }
         return;

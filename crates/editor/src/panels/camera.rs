@@ -159,7 +159,8 @@ fn views_ui(ui: &mut Ui, views: &[ViewEntry], actions: &mut Vec<Action>) {
 fn view_ui(ui: &mut Ui, view: &ViewEntry, actions: &mut Vec<Action>) {
     let can_go = !view.is_shown && !view.is_baking;
     let close = ui.add_enabled(can_go, Button::new("×").small());
-    if close.on_hover_text("Free its memory").accessible_name(format!("Forget view {}", view.name)).clicked() {
+    let close = close.on_hover_text("Free its memory").accessible_name(format!("Forget view {}", view.name));
+    if close.on_disabled_hover_text("The view that is shown stays, and the one that is baked").clicked() {
         actions.push(Action::ForgetView(view.id));
     }
     let figures = match (view.is_baking, view.is_done, view.error_db) {

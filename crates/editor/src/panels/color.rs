@@ -3,13 +3,15 @@
 use clerestory_transport::light::planckian_tint;
 use eframe::egui::{
     self, Color32, ColorImage, Popup, PopupCloseBehavior, Rect, Response, Sense, Slider, SliderClamping, Stroke,
-    StrokeKind, TextureOptions, Ui,
+    StrokeKind, TextureOptions, Ui, Vec2,
     ecolor::{Hsva, HsvaGamma},
     pos2, vec2,
 };
 use glam::Vec3;
 
+use super::arrows::{FINE, arrows};
 use super::number::{Number, Spelling, beside, number_of, slider_ui};
+use crate::theme;
 
 /// How a light is tinted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -30,6 +32,8 @@ const KELVIN_RANGE: std::ops::RangeInclusive<f32> = 500.0..=100_000.0;
 /// Fewer with a k behind them are thousands.
 const MOST_THOUSANDS: f64 = 100.0;
 const PICKER_WIDTH: f32 = 252.0;
+/// How far an arrow key moves the mark of a picker, in sides of it.
+const KEY_STEP: f32 = 0.02;
 const N: usize = 32;
 
 /// A swatch that opens the editor; answers whether the tint was set, be it to what it is. `file_color` is linear. Without
@@ -175,6 +179,7 @@ fn swatch(ui: &mut Ui, color: Color32, is_changed: bool) -> Response {
             Stroke::new(1.0, ui.visuals().weak_text_color())
         };
         ui.painter().rect(rect.shrink2(vec2(0.0, 2.0)), 4.0, color, stroke, StrokeKind::Inside);
+        theme::keyboard_frame(ui, &response);
     }
     response.on_hover_text(if is_changed { "Color, another one than in the file" } else { "Color" })
 }
@@ -196,11 +201,13 @@ fn picker_ui(ui: &mut Ui, linear: [f32; 3]) -> Option<[f32; 3]> {
     };
     let square = field(ui, "Saturation and value", PICKER_WIDTH * 0.62, |s, v| HsvaGamma { s, v, ..hsv });
     let mut moved = false;
-    if let Some([s, v]) = square.moved(ui, [hsv.s, hsv.v]) {
+    let words = |[s, v]: [f32; 2]| format!("Saturation {:.0} %, value {:.0} %", 100.0 * s, 100.0 * v);
+    if let Some([s, v]) = square.moved(ui, [hsv.s, hsv.v], words) {
         (hsv.s, hsv.v, moved) = (s, v, true);
     }
     let bar = field(ui, "Hue", 16.0, |h, _| HsvaGamma { h, s: 1.0, v: 1.0, a: 1.0 });
-    if let Some([h, _]) = bar.moved(ui, [hsv.h, 0.5]) {
+    let words = |[h, _]: [f32; 2]| format!("{:.0}°", 360.0 * h);
+    if let Some([h, _]) = bar.moved(ui, [hsv.h, 0.5], words).filter(|[h, _]| *h != hsv.h) {
         (hsv.h, moved) = (h, true);
     }
     let color = if moved { Hsva::from(hsv).to_rgb() } else { linear };
@@ -253,14 +260,20 @@ fn field(ui: &mut Ui, name: &str, height: f32, color: impl Fn(f32, f32) -> HsvaG
 }
 
 impl Field {
-    /// Draws the mark, and answers where it was dragged: 0…1 to the right and up.
-    fn moved(&self, ui: &Ui, at: [f32; 2]) -> Option<[f32; 2]> {
+    /// Draws the mark, and answers where it was dragged or taken by arrow keys: 0…1 to the right and up. `words` tell a place to those
+    /// who do not see it.
+    fn moved(&self, ui: &Ui, at: [f32; 2], words: impl Fn([f32; 2]) -> String) -> Option<[f32; 2]> {
         let rect = self.0.rect;
-        let moved = self.0.interact_pointer_pos().map(|p| {
+        let dragged = self.0.interact_pointer_pos().map(|p| {
             let to = (p - rect.min) / rect.size();
             [to.x.clamp(0.0, 1.0), 1.0 - to.y.clamp(0.0, 1.0)]
         });
+        let step = arrows(ui, &self.0, FINE) * KEY_STEP;
+        let stepped = [(at[0] + step.x).clamp(0.0, 1.0), (at[1] - step.y).clamp(0.0, 1.0)];
+        let moved = dragged.or((step != Vec2::ZERO).then_some(stepped));
+        theme::keyboard_frame(ui, &self.0);
         let [x, y] = moved.unwrap_or(at);
+        ui.ctx().accesskit_node_builder(self.0.id, |node| node.set_value(words([x, y])));
         let center = rect.min + vec2(x, 1.0 - y) * rect.size();
         ui.painter().circle_stroke(center, 6.0, Stroke::new(3.0, Color32::from_black_alpha(160)));
         ui.painter().circle_stroke(center, 6.0, Stroke::new(1.5, Color32::WHITE));

@@ -214,11 +214,24 @@ fn numbers_rows(ui: &mut Ui, options: &mut ExportOptions) {
     let combo = ComboBox::from_id_salt("compression").selected_text(name(options.compression));
     let combo = combo.show_ui(ui, |ui| {
         for (compression, name) in ExrCompression::ALL {
-            ui.selectable_value(&mut options.compression, compression, name);
+            let choice = ui.selectable_value(&mut options.compression, compression, name);
+            choice.on_hover_text(compression_words(compression));
         }
     });
-    combo.response.labelled_by(label.id);
+    combo.response.labelled_by(label.id).on_hover_text(compression_words(options.compression));
     ui.end_row();
+}
+
+/// What a compression is good for.
+fn compression_words(compression: ExrCompression) -> &'static str {
+    match compression {
+        ExrCompression::None => "Nothing is made smaller",
+        ExrCompression::Zip => "Loses nothing; what every program reads",
+        ExrCompression::Piz => "Loses nothing; smaller where the picture has grain",
+        ExrCompression::Dwaa => {
+            "About a third as large; loses what is hard to see, so that layers add up to the picture only nearly"
+        }
+    }
 }
 
 fn width_ui(ui: &mut Ui, options: &mut ExportOptions, baked: [u32; 2]) {

@@ -91,20 +91,20 @@ pub enum LampChoice {
     Never,
 }
 
-/// Shapes as they are added.
-const SHAPES: [(&str, LampShape); 6] = [
-    ("Point", LampShape::Point),
-    ("Spot", LampShape::Spot { inner_rad: 0.35, outer_rad: 0.6 }),
-    ("Rectangle", LampShape::Rectangle { size_m: [0.6, 0.6] }),
-    ("Disk", LampShape::Disk { radius_m: 0.15 }),
-    ("Sphere", LampShape::Sphere { radius_m: 0.1 }),
-    ("Directional", LampShape::Directional { radius_rad: 0.0 }),
+/// Shapes as they are added, with what they are called and what they are.
+const SHAPES: [(&str, &str, LampShape); 6] = [
+    ("Point", "As bright in all directions, from one point", LampShape::Point),
+    ("Spot", "A cone of light with a soft rim", LampShape::Spot { inner_rad: 0.35, outer_rad: 0.6 }),
+    ("Rectangle", "A panel that shines to one side", LampShape::Rectangle { size_m: [0.6, 0.6] }),
+    ("Disk", "A round panel that shines to one side", LampShape::Disk { radius_m: 0.15 }),
+    ("Sphere", "A globe that shines all around", LampShape::Sphere { radius_m: 0.1 }),
+    ("Directional", "Parallel light from far away", LampShape::Directional { radius_rad: 0.0 }),
 ];
 
 /// The kinds to choose from; `at_px` on the film, else in the middle of the view.
 pub fn add_menu(ui: &mut Ui, at_px: Option<[f32; 2]>, actions: &mut Vec<Action>) {
-    for (name, shape) in SHAPES {
-        if ui.button(name).clicked() {
+    for (name, hint, shape) in SHAPES {
+        if ui.button(name).on_hover_text(hint).clicked() {
             actions.push(Action::AddLamp { shape, at_px });
             ui.close();
         }

@@ -189,18 +189,19 @@ fn tools_ui(ui: &mut Ui, look: &Look, state: &mut LooksState) {
 fn presets_menu(ui: &mut Ui, look: &mut Look, basis: Option<&LightBasis>, actions: &mut Vec<Action>) {
     let usable = basis.filter(|_| look.has_room(Preset::ALL.len()));
     let why = if basis.is_none() { NO_SCENE } else { FULL };
-    let button = |ui: &mut Ui, words: &str| {
-        let button = ui.add_enabled(usable.is_some(), Button::new(words)).on_disabled_hover_text(why);
+    let button = |ui: &mut Ui, words: &str, hint: &str| {
+        let button = ui.add_enabled(usable.is_some(), Button::new(words)).on_hover_text(hint);
+        let button = button.on_disabled_hover_text(why);
         usable.filter(|_| button.clicked())
     };
     for (preset, _, words) in Preset::ALL {
-        if let Some(basis) = button(ui, words) {
+        if let Some(basis) = button(ui, words, preset.hint()) {
             add_preset(look, preset, basis);
             ui.close();
         }
     }
     ui.separator();
-    if let Some(basis) = button(ui, "All four") {
+    if let Some(basis) = button(ui, "All four", "Day, dusk, night and exhibition; the day is on then") {
         for (preset, ..) in Preset::ALL {
             add_preset(look, preset, basis);
         }

@@ -179,7 +179,8 @@ pub fn tools_ui(ui: &mut Ui, marking: &mut Marking, has_scene: bool) {
                 marking.tool = (!is_on).then_some(tool);
             }
         }
-        if ui.add_enabled(marking.marks().is_some(), Button::new("Clear")).on_hover_text("Mark nothing").clicked() {
+        let clear = ui.add_enabled(marking.marks().is_some(), Button::new("Clear")).on_hover_text("Mark nothing");
+        if clear.on_disabled_hover_text("Nothing is marked").clicked() {
             marking.marks = None;
         }
     });

@@ -22,7 +22,8 @@ pub const REDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus
 const REDO_TOO: KeyboardShortcut = command(Key::Y);
 /// Opens a scene or a bake.
 pub const OPEN: KeyboardShortcut = command(Key::O);
-const OPEN_LOOK: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::O);
+/// Opens a look.
+pub const OPEN_LOOK: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::O);
 /// Saves the look.
 pub const SAVE: KeyboardShortcut = command(Key::S);
 /// Saves the look in another file.
@@ -240,6 +241,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Click on a lamp"), "Choose it, show its handles"),
         (words("Drag an arrow or a square"), "Move the lamp along an axis or across it"),
         (words("Drag the lamp, Alt + drag"), "Move it over surfaces, or freely; what is selected with it goes along"),
+        (words("Arrow keys on a handle of a lamp, with Shift"), "Move the lamp, finely"),
         (words("Shift while dragging a lamp or a spot"), "Finer steps"),
         (words("Esc while dragging"), "Put it back: a lamp, a spot, a look, a key of the timeline"),
         (words("A, then click"), "Aim the selected lamps at what is clicked"),
@@ -254,6 +256,8 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         ),
         (words("[ and ]"), "Selected lights a third of a stop darker, brighter"),
         (words("Arrow keys on a fader, with Shift"), "A third of a stop, a twelfth"),
+        (words("Arrow keys on colors and the sky, with Shift"), "Another color, another place of the sun, finely"),
+        (words("Arrow keys on the divider of a comparison"), "Move it"),
         (words("F2"), "Rename the selected light"),
         (words("Double-click on a name"), "Reset the light"),
         (words("Right-click on a name, a look, the picture"), "Its menu"),

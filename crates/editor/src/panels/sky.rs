@@ -191,7 +191,8 @@ fn kind_ui(ui: &mut Ui, view: &SkyView, (sky, light): (&mut SkySetting, &SkyLigh
                 ui.close();
             }
             let without = ui.add_enabled(view.can_bake, Button::new("Without a sky"));
-            if without.on_hover_text("The scene is baked again without columns for it").clicked() {
+            let without = without.on_hover_text("The scene is baked again without columns for it");
+            if without.on_disabled_hover_text("Open the scene of this bake first").clicked() {
                 actions.push(Action::BakeWithoutSky);
                 ui.close();
             }

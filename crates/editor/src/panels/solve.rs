@@ -345,7 +345,7 @@ fn limits_ui(ui: &mut Ui, wishes: &mut Wishes, view: &SolveView) {
             if ui.button("All").on_hover_text("All that are not muted").clicked() {
                 wishes.held.clear();
             }
-            if ui.button("None").clicked() {
+            if ui.button("None").on_hover_text("All of them stay as they are").clicked() {
                 wishes.held = lights.iter().cloned().collect();
             }
         });

@@ -174,7 +174,8 @@ fn amounts_ui(ui: &mut Ui, name: &str, spot: &mut PanelSpot) {
     let mut level = spot.intensity;
     let intensity = Slider::new(&mut level, 0.0..=20.0).logarithmic(true).smallest_positive(0.02).fixed_decimals(2);
     let intensity = intensity.clamping(egui::SliderClamping::Never);
-    let intensity = slider_ui(ui, intensity, Spelling::default()).on_hover_text("Intensity");
+    let intensity =
+        slider_ui(ui, intensity, Spelling::default()).on_hover_text("Times the luminance of the panel in its file");
     if intensity.accessible_name(format!("{name} spot intensity")).changed() {
         spot.intensity = level.clamp(0.0, PanelSpot::MOST_INTENSITY);
     }

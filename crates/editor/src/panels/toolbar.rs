@@ -61,14 +61,17 @@ pub fn toolbar_ui(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) 
 fn look_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
     file_buttons(ui, state, actions);
     ui.separator();
-    let mut button = |ui: &mut Ui, enabled: bool, label: &str, keys: &egui::KeyboardShortcut, action: Action| {
+    let rows = [
+        (state.can_undo, "Undo", "Nothing was changed yet", &shortcuts::UNDO, Action::Undo),
+        (state.can_redo, "Redo", "Nothing was undone", &shortcuts::REDO, Action::Redo),
+    ];
+    for (enabled, label, why, keys, action) in rows {
         let hint = ui.ctx().format_shortcut(keys);
-        if ui.add_enabled(enabled, Button::new(label)).on_hover_text(hint).clicked() {
+        let button = ui.add_enabled(enabled, Button::new(label)).on_hover_text(hint);
+        if button.on_disabled_hover_text(why).clicked() {
             actions.push(action);
         }
-    };
-    button(ui, state.can_undo, "Undo", &shortcuts::UNDO, Action::Undo);
-    button(ui, state.can_redo, "Redo", &shortcuts::REDO, Action::Redo);
+    }
 }
 
 /// What is about the window.
@@ -101,6 +104,7 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
     let keys = |keys: &egui::KeyboardShortcut| ui.ctx().format_shortcut(keys);
     let [open, save, save_as, export] =
         [&shortcuts::OPEN, &shortcuts::SAVE, &shortcuts::SAVE_AS, &shortcuts::EXPORT].map(keys);
+    let look_hint = format!("Light what is open by a .look file, {}", keys(&shortcuts::OPEN_LOOK));
     if ui.button("Open…").on_hover_text(format!("Open a glTF scene or a finished bake, {open}")).clicked() {
         actions.push(Action::Ask(FileTask::OpenScene));
     }
@@ -110,7 +114,7 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
     }
     ui.menu_button("Recent", |ui| recent_menu(ui, state.recent, actions));
     ui.separator();
-    if ui.button("Open look…").clicked() {
+    if ui.button("Open look…").on_hover_text(look_hint).clicked() {
         actions.push(Action::Ask(FileTask::OpenLook));
     }
     // Without a file it asks for one.
@@ -133,7 +137,9 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
         }
     }
     let button = ui.add_enabled(state.has_picture, Button::new("Export…"));
-    let button = button.on_hover_text(format!("Write the picture as PNG or linear EXR, {export}"));
+    let hint =
+        format!("Write the picture as PNG or linear EXR, {export}\nThe scene itself: “Save as glTF…” beside the looks");
+    let button = button.on_hover_text(hint);
     if button.on_disabled_hover_text("There is no picture yet").clicked() {
         actions.push(Action::Ask(FileTask::Export));
     }

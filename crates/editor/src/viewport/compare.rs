@@ -1,10 +1,12 @@
 //! Two looks of one picture: side by side, or with a divider that is dragged over it.
 
+use eframe::egui::accesskit::Role;
 use eframe::egui::{
-    self, Align2, Color32, CornerRadius, CursorIcon, FontId, Pos2, Rect, Sense, Shape, Stroke, TextureId, Ui, pos2,
+    self, Align2, Color32, CornerRadius, CursorIcon, FontId, Id, Pos2, Rect, Sense, Shape, Stroke, TextureId, Ui, pos2,
     vec2,
 };
 
+use super::lamps::tell;
 use crate::panels::arrows::{FINE, arrows};
 use crate::panels::heat::Overlay;
 use crate::theme;
@@ -82,18 +84,18 @@ fn divider_x(seen: Rect, image: Rect, offset: f32) -> f32 {
 
 /// Draws a name on each side, and the divider where there is one, which can be dragged.
 pub fn sides_ui(ui: &Ui, compared: &Compared, (areas, images): (&[Rect], &[Rect]), offset: &mut f32) {
-    let [left, right] = &compared.names;
+    let [left, right] = compared.names.each_ref().map(String::as_str);
     if let ([area], [image]) = (areas, images) {
         let seen = image.intersect(*area);
         if seen.is_positive() {
             divider_ui(ui, (*area, seen), *image, offset);
-            name(ui, seen, left, Align2::LEFT_BOTTOM);
-            name(ui, seen, right, Align2::RIGHT_BOTTOM);
+            name(ui, seen, ("left", left), Align2::LEFT_BOTTOM);
+            name(ui, seen, ("right", right), Align2::RIGHT_BOTTOM);
         }
         return;
     }
-    for ((area, image), words) in areas.iter().zip(images).zip([left, right]) {
-        name(ui, area.intersect(*image), words, Align2::LEFT_BOTTOM);
+    for ((area, image), of) in areas.iter().zip(images).zip([("left", left), ("right", right)]) {
+        name(ui, area.intersect(*image), of, Align2::LEFT_BOTTOM);
     }
 }
 
@@ -130,14 +132,16 @@ fn divider_ui(ui: &Ui, (area, seen): (Rect, Rect), image: Rect, offset: &mut f32
     }
 }
 
-/// The name of a picture in its lower corner.
-fn name(ui: &Ui, of: Rect, words: &str, corner: Align2) {
+/// The name of the picture on a side, in its lower corner.
+fn name(ui: &Ui, of: Rect, (side, words): (&str, &str), corner: Align2) {
     let painter = ui.painter_at(of);
     let inner = of.shrink(8.0);
     let galley = painter.layout_no_wrap(words.to_owned(), FontId::proportional(12.5), Color32::from_gray(235));
     let place = corner.anchor_size(corner.pos_in_rect(&inner), galley.size() + vec2(12.0, 6.0));
     painter.rect_filled(place, CornerRadius::same(3), Color32::from_black_alpha(150));
     painter.galley(place.min + vec2(6.0, 3.0), galley, Color32::from_gray(235));
+    let id = Id::unique(("side of a comparison", side));
+    tell(ui.ctx(), id, (Role::Mark, &format!("On the {side}: {words}")), place);
 }
 
 #[cfg(test)]

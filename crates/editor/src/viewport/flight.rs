@@ -146,7 +146,7 @@ pub fn pivot_m(scene: &PreparedScene, camera: &Camera) -> Option<f32> {
 /// Says plainly what is seen, and what to do about it.
 fn banner_ui(ui: &mut Ui, area: Rect, view: &FlightView, actions: &mut Vec<Action>) {
     let words = match (view.is_baked, view.is_baking) {
-        (true, _) => "Camera: drag to look around, Shift + drag to move, wheel to come nearer",
+        (true, _) => view.habits.navigation.in_hand(),
         (false, true) => "Preview of a new view. A bake is running; baking this view ends it",
         (false, false) => "Preview of a new view. Its light needs a new bake",
     };

@@ -12,10 +12,11 @@ use glam::Vec3;
 use super::gizmo::{AXES, AXIS_NAMES, AimWhileMoving, Drag, Held, Part, Sight, aim_at, move_to};
 use crate::action::Action;
 use crate::look::Look;
+use crate::panels::arrows::{FINE, arrows};
 use crate::panels::lamps::{LampState, Pick, lamp_menu, shown_color};
 use crate::panels::lights::{LightsState, letters_menu};
 use crate::panels::menu::context_menu;
-use crate::panels::shortcuts::escapes;
+use crate::panels::shortcuts::{escapes, hears_keys};
 use crate::theme;
 
 /// Length of the arrows in points.
@@ -26,6 +27,8 @@ const PLANE_AT: f32 = 0.38;
 const REACH: f32 = 8.0;
 /// Arrows whose tips are nearer to the lamp than this point at the eye and are left out, points.
 const FORESHORTENED: f32 = 20.0;
+/// How far an arrow key takes a handle, points.
+const KEY_STEP: f32 = 6.0;
 /// What is beside the words of a hint, and their least width, points.
 const BESIDE_HINT: f32 = 26.0;
 const LEAST_HINT: f32 = 160.0;
@@ -69,10 +72,17 @@ pub fn lamps_ui(
         if is_chosen && !lights.lamps.aiming {
             for (part, at) in parts(sight, &lamp, center) {
                 let of = (&lamp, name.as_str());
-                touched |= part_ui(ui, &painter, (sight, picture), (part, at, center), of, &mut lights.lamps);
+                let held = (rig.lamps.as_mut_slice(), &mut lights.lamps);
+                touched |= part_ui(ui, &painter, (sight, picture), (part, at, center), of, held);
             }
         }
         touched |= body_ui(ui, &painter, (sight, picture), center, (&lamp, &name), (rig, lights), actions);
+        // By keys, too, what is selected with it goes along.
+        let way = rig.lamps[idx].position - lamp.position;
+        if way != Vec3::ZERO {
+            let others = selected_with(&lamp.key, &rig.lamps, lights);
+            carry(&mut rig.lamps, &others, way, lights.lamps.aim_while_moving);
+        }
     }
     if let Some(drag) = lights.lamps.drag.as_ref().filter(|_| !was_held) {
         let carried = selected_with(&drag.key, &rig.lamps, lights);
@@ -201,10 +211,11 @@ fn part_ui(
     (sight, picture): (&Sight, &Response),
     (part, at, center): (Part, Pos2, Pos2),
     (lamp, name): (&FreeLamp, &str),
-    state: &mut LampState,
+    (lamps, state): (&mut [FreeLamp], &mut LampState),
 ) -> bool {
     let words = part_words(part, name);
     let response = handle(ui, at, Id::unique(("lamp part", part_words(part, &lamp.key))), &words);
+    nudge(ui, &response, sight, (lamp, part), lamps, state.aim_while_moving);
     let is_held = state.drag.as_ref().is_some_and(|drag| drag.key == lamp.key && drag.part == part);
     paint_part(painter, (part, at, center), if response.hovered() || is_held { 1.0 } else { 0.75 });
     take_hold(ui, [&response, picture], sight, part, lamp, state) || response.hovered() || response.clicked()
@@ -231,6 +242,7 @@ fn body_ui(
     }
     let words = if is_chosen { part_words(Part::Body, name) } else { format!("{name} in the picture") };
     let response = handle(ui, center, Id::unique(("lamp", lamp.key.as_str())), &words);
+    nudge(ui, &response, sight, (lamp, Part::Body), &mut rig.lamps, state.aim_while_moving);
     paint_body(painter, (center, if response.hovered() { 7.0 } else { 6.0 }), lamp, rim);
     let is_held = take_hold(ui, [&response, picture], sight, Part::Body, lamp, state);
     if response.clicked() {
@@ -260,7 +272,28 @@ fn handle(ui: &Ui, at: Pos2, id: Id, words: &str) -> Response {
     if response.hovered() {
         ui.ctx().set_cursor_icon(CursorIcon::Grab);
     }
+    theme::keyboard_frame(ui, &response);
     response
+}
+
+/// Arrow keys take the handle that has the keyboard over the screen, with Shift a tenth of the way, and its lamp as a drag would.
+fn nudge(
+    ui: &Ui,
+    handle: &Response,
+    sight: &Sight,
+    (lamp, part): (&FreeLamp, Part),
+    lamps: &mut [FreeLamp],
+    aim: AimWhileMoving,
+) {
+    if !hears_keys(ui) {
+        return;
+    }
+    let travel = arrows(ui, handle, FINE) * KEY_STEP;
+    let own = lamps.iter_mut().find(|other| other.key == lamp.key);
+    if let Some(own) = own.filter(|_| travel != Vec2::ZERO) {
+        let mut drag = Drag::begin(sight, lamp, part, handle.rect.center());
+        *own = drag.moved(sight, lamp, travel, Held { aim, ..Held::default() });
+    }
 }
 
 /// Begins a drag of a part that was pressed. Where frames are slow, press and travel come at once, and then it is the

@@ -77,6 +77,7 @@ pub fn marks_ui(
         let strength = if response.hovered() || is_chosen { 1.0 } else { WEAK };
         let color = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
         ring(&painter, at, color.gamma_multiply(strength));
+        theme::keyboard_frame(ui, &response);
         if response.hovered() {
             ui.ctx().set_cursor_icon(CursorIcon::PointingHand);
             let drag = match is_measured {

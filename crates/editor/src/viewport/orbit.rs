@@ -42,6 +42,16 @@ impl Navigation {
         (Navigation::Trackpad, "Trackpad", "Two fingers turn, with Shift they move; a pinch comes nearer"),
     ];
 
+    /// What is said to who has just taken the camera in hand.
+    pub fn in_hand(self) -> &'static str {
+        match self {
+            Navigation::Blender | Navigation::AltMouse => {
+                "Camera: drag to look around, Shift + drag to move, wheel to come nearer"
+            }
+            Navigation::Trackpad => "Camera: two fingers turn it, with Shift they move it, a pinch comes nearer",
+        }
+    }
+
     /// What a drag with a button means. Without keys the left one looks around in all of them: inside a room there is often no
     /// place to stand behind what is turned around.
     pub fn of_drag(self, button: PointerButton, keys: Modifiers) -> Option<Turn> {

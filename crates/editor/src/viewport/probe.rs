@@ -267,6 +267,7 @@ fn pin_ui(ui: &Ui, plate: Plate, (idx, reading): (usize, &Reading), probes: &mut
             }
         }
     }
+    theme::keyboard_frame(ui, &handle);
     let id = Id::unique(("probe words", plate.nth, idx));
     chip(ui, (at + vec2(11.0, -4.0), Align2::LEFT_BOTTOM), id, &reading.words());
     if handle.on_hover_text("Click to take the probe away").clicked() {
@@ -350,7 +351,8 @@ fn heading_ui(ui: &mut Ui, (reading, of): (&Reading, Option<&str>), probes: &mut
         ui.label(RichText::new("Light here").strong());
         ui.label(RichText::new(reading.words()).weak());
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            if ui.small_button("×").on_hover_text("Esc").clicked() {
+            let close = ui.small_button("×").on_hover_text("Esc");
+            if close.accessible_name("Close Light here").clicked() {
                 probes.picked = None;
             }
             if ui.small_button("Pin").on_hover_text("Keep a probe here, P at the pointer").clicked() {
@@ -384,6 +386,7 @@ fn share_ui(
     if response.hovered() || is_chosen {
         painter.rect_filled(rect, 3.0, visuals.weak_bg_fill);
     }
+    theme::keyboard_frame(ui, &response);
     let bar = Rect::from_min_size(rect.min, vec2(rect.width() * (luminance / total).clamp(0.0, 1.0), rect.height()));
     painter.rect_filled(bar, 3.0, theme::ACCENT.gamma_multiply(0.22));
     let swatch = Rect::from_center_size(rect.left_center() + vec2(10.0, 0.0), Vec2::splat(11.0));

@@ -4,6 +4,7 @@ use eframe::egui::{CursorIcon, Key, PointerButton, Pos2, Rect, Response, Stroke,
 
 use super::handles::Grab;
 use super::orbit::Navigation;
+use crate::panels::shortcuts::escapes;
 use crate::theme;
 
 /// Part and size of the picture.
@@ -15,6 +16,8 @@ pub struct Zoom {
     offset: Vec2,
     /// Size in pixels of the picture that the scale is for.
     size: Vec2,
+    /// Whether the next drag is the rectangle that is zoomed to.
+    awaits_region: bool,
 }
 
 /// Room around a picture that fits, points.
@@ -37,6 +40,11 @@ impl Zoom {
         let scale = 1.0 / pixels_per_point;
         self.offset *= scale / self.scale.unwrap_or(scale);
         self.scale = Some(scale);
+    }
+
+    /// Takes the next drag in the picture for the rectangle that is zoomed to.
+    pub fn await_region(&mut self) {
+        self.awaits_region = true;
     }
 
     /// Another picture of the view has another number of pixels: it lies where the one before lay, unless that was one to one.
@@ -93,7 +101,7 @@ pub(super) fn part_seen(area: Rect, image: Rect) -> Option<[[f32; 2]; 2]> {
     (seen.is_positive() && seen != image).then(|| [share(seen.min), share(seen.max)])
 }
 
-/// Zoom with the wheel, or to a rectangle that is dragged with Z; pan with the middle button or space, and by two fingers where
+/// Zoom with the wheel, or to a rectangle that is dragged with Z or after it was asked for; pan with the middle button or space, and by two fingers where
 /// these are the habit.
 pub(super) fn navigate(
     ui: &Ui,
@@ -119,13 +127,15 @@ pub(super) fn navigate(
     }
     let types = ui.text_edit_focused();
     let held = |key: Key| !types && ui.input(|input| input.key_down(key) && input.modifiers.is_none());
+    zoom.awaits_region &= !escapes(ui);
+    let is_region = zoom.awaits_region || held(Key::Z);
     if response.drag_started_by(PointerButton::Middle) || (response.drag_started() && held(Key::Space)) {
         *grab = Some(Grab::Picture);
-    } else if response.drag_started_by(PointerButton::Primary) && held(Key::Z) {
+    } else if response.drag_started_by(PointerButton::Primary) && is_region {
         let press = ui.input(|input| input.pointer.press_origin());
         *grab = press.map(Grab::Region);
     }
-    if held(Key::Z) && response.hovered() {
+    if is_region && response.hovered() {
         ui.ctx().set_cursor_icon(CursorIcon::ZoomIn);
     }
     if *grab == Some(Grab::Picture) && response.dragged() {
@@ -135,6 +145,7 @@ pub(super) fn navigate(
     if response.drag_stopped() {
         if let (Some(Grab::Region(from)), Some(to)) = (&*grab, response.interact_pointer_pos()) {
             zoom.show_region(area, size, Rect::from_two_pos(*from, to).intersect(area));
+            zoom.awaits_region = false;
         }
         *grab = None;
     }

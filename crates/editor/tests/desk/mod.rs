@@ -7,10 +7,12 @@ use std::time::Duration;
 use clerestory::app::{App, Start};
 use clerestory::bake_cache::BakeCache;
 use clerestory::session::{BakeSettings, BakeState, Source};
+use clerestory::theme::ACCENT;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui::{
-    DroppedFile, Event, Key, Modifiers, PointerButton, Pos2, Rect, Role, Vec2, ViewportCommand, ViewportEvent, vec2,
+    DroppedFile, Event, Key, Modifiers, PointerButton, Pos2, Rect, Role, Shape, Vec2, ViewportCommand, ViewportEvent,
+    vec2,
 };
 use egui_kittest::kittest::{NodeT, Queryable};
 use egui_kittest::{Harness, HarnessBuilder, Node};
@@ -251,6 +253,27 @@ pub fn replace_and_reload(window: &mut Window, path: &Path, gltf: &Value) {
         std::thread::sleep(Duration::from_millis(20));
     }
     click(window, "Reload");
+}
+
+/// Whether something says a part of this once the pointer rests on it.
+#[allow(dead_code, reason = "not every test of the window is about hints")]
+pub fn hints(window: &mut Window, label: &str, part: &str) -> bool {
+    window.get_by_label(label).scroll_to_me();
+    window.run_steps(8);
+    let at = window.get_by_label(label).rect().center();
+    window.hover_at(at);
+    window.run_steps(60);
+    window.query_all_by_label_contains(part).next().is_some()
+}
+
+/// Whether a widget is framed as what has the keyboard.
+#[allow(dead_code, reason = "not every test of the window goes by keys")]
+pub fn is_framed(window: &Window, label: &str) -> bool {
+    let place = window.get_by_label(label).rect();
+    window.output().shapes.iter().any(|clipped| match &clipped.shape {
+        Shape::Rect(frame) => frame.stroke.color == ACCENT && (frame.rect.center() - place.center()).length() < 0.5,
+        _ => false,
+    })
 }
 
 /// Where a point of the room is on the screen.

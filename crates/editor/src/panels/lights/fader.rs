@@ -29,6 +29,9 @@ pub(super) const STEP_EV: f32 = 1.0 / 3.0;
 const FINE_STEP_EV: f32 = 1.0 / 12.0;
 /// Radius of the handle, points.
 const HANDLE: f32 = 6.5;
+/// What the way is, which is that of [`STOPS`], and how it is gone.
+const HINT: &str = "Intensity in stops (EV): off at its low end, then from 7 below the light of the file, the mark, to 4 above it\n\
+                    Shift for fine steps, arrow keys for ⅓ EV, double-click for the file's value";
 
 /// Place of an intensity on the way from 0 to 1.
 fn place(intensity: f32) -> f32 {
@@ -117,7 +120,7 @@ pub(super) fn fader_ui(ui: &mut Ui, label: &str, (size, more): (Vec2, More), int
         *intensity = 1.0;
         response.mark_changed();
     }
-    response.on_hover_text("Shift for fine steps, arrow keys for ⅓ EV, double-click for the file's value")
+    response.on_hover_text(HINT)
 }
 
 /// Both ends of the way of the handle.

@@ -39,7 +39,7 @@ pub(super) struct Sorting {
 const COLUMNS: [(&str, &str, Option<Column>); 7] = [
     ("Value", "In the unit beside it, without masters of groups; click to sort", Some(Column::Value)),
     ("Unit", "Chosen above, else that of the file", None),
-    ("Color", "", None),
+    ("Color", "That of the file, another one, or a color temperature", None),
     ("Kelvin", "Color temperature, K; click to sort", Some(Column::Kelvin)),
     ("lm", "Luminous flux with masters of groups, lumen; click to sort", Some(Column::Lumen)),
     ("Kind", "Click to sort", Some(Column::Kind)),

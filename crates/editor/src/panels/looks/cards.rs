@@ -141,7 +141,8 @@ fn rename(look: &mut Look, state: &mut LooksState, idx: usize, name: &str) -> Re
 fn menu(ui: &mut Ui, idx: usize, look: &mut Look, state: &mut LooksState, mark: Mark) {
     let name = look.snapshots[idx].name.clone();
     let hint = "Keep the lights and the display as they are now in this look";
-    if ui.add_enabled(mark != Mark::On, egui::Button::new("Update")).on_hover_text(hint).clicked() {
+    let update = ui.add_enabled(mark != Mark::On, egui::Button::new("Update")).on_hover_text(hint);
+    if update.on_disabled_hover_text("Nothing was changed since").clicked() {
         look.update(idx);
         ui.close();
     }
@@ -161,11 +162,13 @@ fn menu(ui: &mut Ui, idx: usize, look: &mut Look, state: &mut LooksState, mark: 
     }
     ui.separator();
     let last = look.snapshots.len() - 1;
-    if ui.add_enabled(idx > 0, egui::Button::new("Move left")).clicked() {
+    let left = ui.add_enabled(idx > 0, egui::Button::new("Move left"));
+    if left.on_disabled_hover_text("It is the first one").clicked() {
         look.reorder(idx, idx - 1);
         ui.close();
     }
-    if ui.add_enabled(idx < last, egui::Button::new("Move right")).clicked() {
+    let right = ui.add_enabled(idx < last, egui::Button::new("Move right"));
+    if right.on_disabled_hover_text("It is the last one").clicked() {
         look.reorder(idx, idx + 1);
         ui.close();
     }

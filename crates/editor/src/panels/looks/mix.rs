@@ -110,7 +110,8 @@ pub(super) fn compare_ui(ui: &mut Ui, compare: &mut Compare, look: &Look) {
         side_ui(ui, "Right look", &mut compare.sides[1], look);
         ui.add_space(8.0);
         ui.selectable_value(&mut compare.way, Way::Wipe, "Wipe").on_hover_text("Drag the divider over the picture");
-        ui.selectable_value(&mut compare.way, Way::SideBySide, "Side by side");
+        ui.selectable_value(&mut compare.way, Way::SideBySide, "Side by side")
+            .on_hover_text("Two pictures, which zoom and move together");
     });
 }
 

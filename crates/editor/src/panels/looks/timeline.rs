@@ -140,7 +140,8 @@ fn play_ui(ui: &mut Ui, look: &Look, player: &mut Player) {
         toggle(player, &look.timeline);
     }
     let back = ui.add_enabled(player.playhead.is_some(), Button::new("Stop")).accessible_name("Back to the lights");
-    if back.on_hover_text("Stop, and show the lights as they are now").clicked() {
+    let back = back.on_hover_text("Stop, and show the lights as they are now");
+    if back.on_disabled_hover_text("The lights are shown as they are now").clicked() {
         player.stop();
     }
     ui.checkbox(&mut player.loops, "Loop").on_hover_text("Begin again at the end");

@@ -13,6 +13,7 @@ use eframe::egui::{
 use glam::Vec3;
 
 use super::sun::tidy;
+use crate::panels::arrows::{FINE, arrows};
 use crate::theme;
 
 /// Width of the widget and of the disk, points.
@@ -24,6 +25,11 @@ const PIXELS: usize = 128;
 const MEAN: f32 = 0.35;
 /// Radius of the sun as it is painted, points.
 const SUN: f32 = 6.0;
+/// What an arrow key moves: degrees, or minutes of the day.
+const KEY_STEP_DEG: f64 = 1.0;
+const KEY_STEP_MINUTES: f64 = 10.0;
+/// Minutes of a day.
+const DAY_MINUTES: f64 = 24.0 * 60.0;
 /// Minutes between two points of the way of the sun.
 const WAY_MINUTES: u32 = 10;
 
@@ -31,18 +37,22 @@ const WAY_MINUTES: u32 = 10;
 #[derive(Default)]
 pub(super) struct DomePicture(Option<(Arc<Environment>, f32, TextureHandle)>);
 
-/// Draws the disk and does what is done to it: a drag takes the sun along, or turns a sky without one.
+/// Draws the disk and does what is done to it: a drag or the arrow keys take the sun along, or turn a sky without one.
 pub(super) fn dome_ui(ui: &mut Ui, sky: &mut SkySetting, light: &SkyLight, picture: &mut DomePicture) {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(SIDE), Sense::click_and_drag());
     let disk = Rect::from_center_size(rect.center(), Vec2::splat(DISK));
     let hint = match sky.sun.map(|sun| sun.place) {
-        Some(SunPlace::Angles { .. }) => "Drag to move the sun",
-        Some(SunPlace::Time { .. }) => "Drag along the way of the sun to change the time",
-        None => "Drag to turn the sky",
+        Some(SunPlace::Angles { .. }) => "Drag to move the sun; arrow keys go by 1°, with Shift by 0.1°",
+        Some(SunPlace::Time { .. }) => {
+            "Drag along the way of the sun to change the time; arrow keys go by 10 minutes, with Shift by one"
+        }
+        None => "Drag to turn the sky; arrow keys go by 1°, with Shift by 0.1°",
     };
     drag(&response, disk, sky);
+    step(arrows(ui, &response, FINE), sky);
     if ui.is_rect_visible(rect) {
         paint(ui, disk, sky, light, picture);
+        theme::keyboard_frame(ui, &response);
     }
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Canvas, ui.is_enabled(), "Dome of the sky"));
     response.on_hover_text(format!("{hint}\nSeen from above: −Z, an azimuth of 0°, is on top, +X on the right"));
@@ -81,6 +91,28 @@ fn drag(response: &Response, disk: Rect, sky: &mut SkySetting) {
             sky.rotation_deg = (sky.rotation_deg - turned + 180.0).rem_euclid(360.0) - 180.0;
         }
         None => {}
+    }
+}
+
+/// Takes the sun so many steps to the right and down, or turns a sky without one clockwise as it is seen.
+fn step(steps: Vec2, sky: &mut SkySetting) {
+    if steps == Vec2::ZERO {
+        return;
+    }
+    let [right, up] = [f64::from(steps.x), -f64::from(steps.y)];
+    match &mut sky.sun {
+        Some(SunSetting { place: SunPlace::Angles { azimuth_deg, elevation_deg }, .. }) => {
+            *azimuth_deg = tidy((*azimuth_deg + right * KEY_STEP_DEG).rem_euclid(360.0));
+            *elevation_deg = tidy((*elevation_deg + up * KEY_STEP_DEG).clamp(-90.0, 90.0));
+        }
+        Some(SunSetting { place: SunPlace::Time { time, .. }, .. }) => {
+            let minutes = (60.0 * time.hour + right * KEY_STEP_MINUTES).round();
+            time.hour = minutes.clamp(0.0, DAY_MINUTES) / 60.0;
+        }
+        None => {
+            let turned = tidy(f64::from(sky.rotation_deg) - right * KEY_STEP_DEG) as f32;
+            sky.rotation_deg = (turned + 180.0).rem_euclid(360.0) - 180.0;
+        }
     }
 }
 
