@@ -8,9 +8,10 @@ use clerestory::look::Look;
 use clerestory::session::{BakeState, Source};
 use clerestory_transport::basis::SourceKind;
 use clerestory_transport::sky::{SkySetting, SunPlace, SunPosition, sun_direction};
-use desk::{Dropped, Kept, Window, click, click_at, drag, is_framed, open, open_again, type_over, wait, wait_until};
 use eframe::egui::{Event, Key, Modifiers, Vec2, pos2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
+
+use desk::{Dropped, Kept, Window, click, click_at, drag, is_framed, open, open_again, type_over, wait, wait_until};
 
 /// The room without ceiling, front and back, so that the sky is seen and lights it.
 fn court() -> Source {
