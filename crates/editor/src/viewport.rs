@@ -5,6 +5,7 @@ pub mod flight;
 pub mod gizmo;
 pub mod handles;
 pub mod isolux;
+mod keyed;
 pub mod lamps;
 pub mod marking;
 pub mod names;
@@ -89,6 +90,8 @@ pub struct ViewState {
     pub probes: Probes,
     /// What the pointer holds.
     grab: Option<Grab>,
+    /// Whether arrow keys move the spot that was pressed last: for as long as the picture keeps the keyboard.
+    nudges_spot: bool,
     /// Way of the divider of a comparison from the middle, in widths of the picture.
     divider: f32,
     /// What is marked, and how.
@@ -117,6 +120,7 @@ pub fn viewport_ui(
     state.zoom.heed_size(size, ui.pixels_per_point());
     let responses: Vec<Response> = areas.iter().zip(NAMES).map(|(area, name)| picture_of(ui, *area, name)).collect();
     put_back(ui, &mut state.grab, look);
+    state.nudges_spot &= ui.memory(|memory| responses.iter().any(|response| memory.has_focus(response.id)));
     for response in &responses {
         zoom::navigate(ui, response, (&mut state.zoom, &mut state.grab), size, viewed.navigation);
     }
@@ -140,7 +144,8 @@ pub fn viewport_ui(
     responses.iter().for_each(|response| zoom::paint_region(ui, response, state.grab.as_ref()));
     let plate = |(nth, picture)| {
         let grid = Grid { image: images[nth], size: [width, height] };
-        Plate { picture, grid, names: viewed.names(), right_from: seen_from[nth], nth }
+        let is_keyed = responses[nth].has_focus() && !state.nudges_spot;
+        Plate { picture, grid, names: viewed.names(), right_from: seen_from[nth], nth, is_keyed }
     };
     let plates: Vec<Plate> = responses.iter().enumerate().map(plate).collect();
     probe::follow(ui, &plates, &mut state.probes, is_free);
@@ -351,9 +356,10 @@ fn drag_spots(
         }
         *chosen = Some((held.panel.clone(), held.idx));
         response.request_focus();
+        state.nudges_spot = true;
         ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
     }
-    nudge_spot(ui, response, picker, look, chosen.as_ref());
+    nudge_spot(ui, response, picker, look, chosen.as_ref().filter(|_| state.nudges_spot));
     if response.double_clicked() {
         let at = response.interact_pointer_pos().filter(|at| response.rect.contains(*at));
         match at.and_then(|at| picker.add(at, look)) {
@@ -378,7 +384,7 @@ fn put_back(ui: &Ui, grab: &mut Option<Grab>, look: &mut Look) {
     }
 }
 
-/// Arrow keys move the chosen spot while the picture has the focus, which a press on a spot gives it.
+/// Arrow keys move the chosen spot while the picture has the focus that a press on a spot gave it.
 fn nudge_spot(ui: &Ui, response: &Response, picker: &PanelPicker, look: &mut Look, chosen: Option<&(String, usize)>) {
     let Some((panel, idx)) = chosen else { return };
     let arrows = arrows(ui, response, FINE);

@@ -13,7 +13,7 @@ use clerestory_transport::archive;
 use clerestory_transport::camera::{Camera, Film, Pose};
 use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::{LightRig, LightSetting};
-use eframe::egui::{Key, Pos2, Role, ViewportEvent, vec2};
+use eframe::egui::{Key, Modifiers, Pos2, Role, ViewportEvent, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -175,6 +175,57 @@ fn a_probe_follows_the_pointer_and_can_be_pinned() {
     assert!(pin.accesskit_node().label().unwrap() != format!("Probe 1, {value}") && pin.rect().center() == pinned);
     click_at(&mut window, pinned);
     assert!(window.query_by_label_contains("Probe 1, ").is_none());
+}
+
+/// The pixel that is measured now, and what stands there.
+fn measured(window: &Window) -> Option<([i32; 2], String)> {
+    let told = window.query_all_by_label_contains("cd/m²").filter_map(|node| node.accesskit_node().value());
+    let words: Vec<String> = told.filter(|words| words.contains("   ")).collect();
+    let (px, value) = words.first()?.split_once("   ")?;
+    let (x, y) = px.split_once(", ")?;
+    Some(([x.parse().unwrap(), y.parse().unwrap()], value.to_owned()))
+}
+
+#[test]
+fn a_picture_that_has_the_keyboard_is_asked_without_a_pointer() {
+    let mut window = baked();
+    let press = |window: &mut Window, modifiers: Modifiers, key: Key| {
+        window.key_press_modifiers(modifiers, key);
+        window.run_steps(4);
+    };
+    let place = |window: &Window| measured(window).unwrap().0;
+    assert_eq!(measured(&window), None);
+    window.get_by_label("Picture").focus();
+    window.run_steps(4);
+    assert!(is_framed(&window, "Picture"), "it is seen where the keyboard is");
+    let [x, y] = place(&window);
+    assert!((x - 32).abs() <= 1 && (y - 24).abs() <= 1, "the middle of 64 × 48: {x}, {y}");
+
+    press(&mut window, Modifiers::NONE, Key::ArrowRight);
+    press(&mut window, Modifiers::SHIFT, Key::ArrowUp);
+    press(&mut window, Modifiers::NONE, Key::ArrowDown);
+    assert_eq!(place(&window), [x + 1, y - 9]);
+    press(&mut window, Modifiers::NONE, Key::Enter);
+    window.get_by_label("Light here");
+    press(&mut window, Modifiers::SHIFT, Key::ArrowLeft);
+    let (at, value) = measured(&window).unwrap();
+    assert_eq!(at, [x - 9, y - 9]);
+    window.get_by_label(&value);
+    press(&mut window, Modifiers::NONE, Key::P);
+    window.get_by_label(&format!("Probe 1, {value}"));
+    press(&mut window, Modifiers::NONE, Key::Escape);
+    assert!(window.query_by_label("Light here").is_none() && measured(&window).is_none(), "it is left");
+
+    // A pointer that moves in the picture is asked, and keys go on from there.
+    window.get_by_label("Picture").focus();
+    window.run_steps(4);
+    assert_eq!(place(&window), at);
+    window.hover_at(on_screen(&window, WALL));
+    window.run_steps(4);
+    let [x, y] = place(&window);
+    assert_ne!([x, y], at);
+    press(&mut window, Modifiers::NONE, Key::ArrowDown);
+    assert_eq!(place(&window), [x, y + 1]);
 }
 
 #[test]

@@ -7,6 +7,7 @@ use eframe::egui::{
 };
 use glam::Vec3;
 
+use super::keyed;
 use crate::illuminance::FOOT_CANDLE_LX;
 use crate::legend::number_words;
 use crate::look::Look;
@@ -21,7 +22,7 @@ use crate::theme;
 /// Where is measured: pixels of the picture, counted from its top left corner.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Probes {
-    /// Under the pointer.
+    /// Under the pointer, or where keys ask.
     pub hover: Option<[u32; 2]>,
     /// Where the light is told apart.
     pub picked: Option<[u32; 2]>,
@@ -29,6 +30,8 @@ pub struct Probes {
     picked_in: usize,
     /// Whether the light that shines there most is still to be chosen.
     awaits_light: Option<Pick>,
+    /// Where arrow keys went in the picture.
+    pub(super) by_keys: Option<[u32; 2]>,
     /// Where it stays.
     pub pins: Vec<[u32; 2]>,
 }
@@ -63,7 +66,7 @@ pub struct Reading {
 /// Everything that is measured.
 #[derive(Clone, Debug, Default)]
 pub struct Readings {
-    /// Under the pointer.
+    /// Under the pointer, or where keys ask.
     pub hover: Option<Reading>,
     /// Light by light, the brightest first.
     pub picked: Option<(Reading, Vec<Share>)>,
@@ -127,8 +130,14 @@ impl Grid {
         is_inside.then_some([place.x as u32, place.y as u32])
     }
 
+    /// The pixel that lies some pixels to the right and down from another one, or the last one before the edge.
+    pub(super) fn beside(&self, from: [u32; 2], way: Vec2) -> [u32; 2] {
+        let along = |axis: usize| (from[axis] as f32 + way[axis]).clamp(0.0, self.size[axis].saturating_sub(1) as f32);
+        [along(0) as u32, along(1) as u32]
+    }
+
     /// The middle of a pixel on the screen.
-    fn middle(&self, [x, y]: [u32; 2]) -> Pos2 {
+    pub(super) fn middle(&self, [x, y]: [u32; 2]) -> Pos2 {
         let place = vec2((x as f32 + 0.5) / self.size[0] as f32, (y as f32 + 0.5) / self.size[1] as f32);
         self.image.min + place * self.image.size()
     }
@@ -147,12 +156,25 @@ pub struct Plate<'a> {
     pub right_from: f32,
     /// Its number, 1 beside another.
     pub nth: usize,
+    /// Whether keys ask in it: it has the keyboard, and no spot that they move.
+    pub is_keyed: bool,
 }
 
 impl Plate<'_> {
     /// The pixel under the pointer.
-    fn hovered(&self) -> Option<[u32; 2]> {
+    pub(super) fn hovered(&self) -> Option<[u32; 2]> {
         self.picture.hover_pos().and_then(|at| self.grid.pixel(at))
+    }
+
+    /// The pixel in the middle of what is seen, that of the whole where nothing is.
+    pub(super) fn middle(&self) -> [u32; 2] {
+        self.grid.pixel(self.picture.rect.center()).unwrap_or(self.grid.size.map(|side| side / 2))
+    }
+
+    /// Whether something is asked of it: by a click, or by Enter. Space moves the picture.
+    fn is_asked(&self, ui: &Ui) -> bool {
+        let by_pointer = self.picture.interact_pointer_pos().is_some();
+        self.picture.clicked() && (by_pointer || !ui.input(|input| input.key_pressed(Key::Space)))
     }
 
     /// Which side of a comparison is seen at a pixel, 0 without one.
@@ -166,11 +188,13 @@ impl Plate<'_> {
     }
 }
 
-/// Follows the pointer: what it is over, a click that asks what lights it, P that pins a probe.
+/// Follows the pointer, or arrow keys in a picture that has the keyboard: what is there, a click or Enter that asks what lights it, P that
+/// pins a probe.
 ///
 /// `is_free` tells whether a click means the picture and nothing on it.
 pub fn follow(ui: &Ui, plates: &[Plate], probes: &mut Probes, is_free: bool) {
-    let hover = plates.iter().find_map(Plate::hovered);
+    let hover = keyed::place(ui, plates, probes);
+    keyed::paint(ui, plates, hover);
     if hover != probes.hover {
         // What is there is read before the next frame.
         probes.hover = hover;
@@ -181,8 +205,8 @@ pub fn follow(ui: &Ui, plates: &[Plate], probes: &mut Probes, is_free: bool) {
         probes.pin(px);
         ui.ctx().request_repaint();
     }
-    if let Some(plate) = plates.iter().find(|plate| plate.picture.clicked()).filter(|_| is_free) {
-        probes.picked = plate.picture.interact_pointer_pos().and_then(|at| plate.grid.pixel(at));
+    if let Some(plate) = plates.iter().find(|plate| plate.is_asked(ui)).filter(|_| is_free) {
+        probes.picked = plate.picture.interact_pointer_pos().map_or(hover, |at| plate.grid.pixel(at));
         probes.picked_in = plate.nth;
         probes.awaits_light = Some(Pick::of(ui.input(|input| input.modifiers)));
         ui.ctx().request_repaint();
@@ -208,8 +232,8 @@ pub fn readings_ui(
             }
         }
     }
-    let under = plates.iter().find_map(|plate| Some((plate, plate.hovered()?)));
-    if let Some((plate, px)) = under
+    let measured = plates.iter().find(|plate| plate.hovered().is_some()).or(plates.iter().find(|plate| plate.is_keyed));
+    if let Some((plate, px)) = measured.zip(probes.hover)
         && let Some(reading) = &sides[plate.side(px)].hover
     {
         let ([x, y], of) = (reading.px, plate.name(px).map_or_else(String::new, |name| format!("{name}   ")));
@@ -431,6 +455,7 @@ mod tests {
         for px in [[0, 0], [63, 31], [17, 4]] {
             assert_eq!(grid.pixel(grid.middle(px)), Some(px));
         }
+        assert_eq!(grid.beside([17, 4], vec2(1.0, -10.0)), [18, 0], "the edge holds it");
         assert_eq!(grid.pixel(pos2(19.9, 0.0)), None);
         assert_eq!(grid.pixel(pos2(320.1, 0.0)), None);
     }
