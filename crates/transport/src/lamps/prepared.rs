@@ -58,7 +58,7 @@ pub enum LampError {
         reason: String,
     },
     /// Two lamps of one name.
-    #[error("two lamps of the look are called `{key}`; rename one of them")]
+    #[error("two lamps of the look are called `{key}`; give one of them another key")]
     Twice {
         /// The name.
         key: String,
@@ -371,6 +371,13 @@ mod tests {
         let (able, errors) = PreparedLamps::able(&[gone, lamp(LampShape::Point)], None);
         assert!(able.emission("lamp").is_some() && able.emission("gone").is_none());
         assert!(matches!(&errors[..], [LampError::Profile { key, .. }] if key == "gone"), "{errors:?}");
+    }
+
+    #[test]
+    fn lamps_of_one_key_are_told_to_get_another_and_no_other_name() {
+        let error = PreparedLamps::new(&[lamp(LampShape::Point), lamp(LampShape::Point)], None).expect_err("one key");
+        assert!(matches!(&error, LampError::Twice { key } if key == "lamp"), "{error:?}");
+        assert!(error.to_string().ends_with("give one of them another key"), "{error}");
     }
 
     #[test]
