@@ -179,6 +179,18 @@ fn the_next_start_finds_the_window_as_it_was_left_and_welcomes_nobody_twice() {
 }
 
 #[test]
+fn a_folder_that_is_opened_from_within_has_its_name() {
+    // Tests run in the folder of their package, which holds no pictures.
+    for (path, name) in [(".", "editor"), ("..", "crates")] {
+        let source = Source::File(path.into());
+        assert_eq!(source.name(), name);
+        let mut window = open(source);
+        wait(&mut window, |app| matches!(app.session().stage, Stage::Failed(..)));
+        assert!(window.query_all_by_label(&format!("Could not open {name}")).next().is_some());
+    }
+}
+
+#[test]
 fn the_theme_that_was_chosen_is_there_at_the_next_start() {
     let opened = |kept: Kept| {
         // A window borrows it for as long as it lives.

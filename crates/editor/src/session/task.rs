@@ -60,7 +60,10 @@ impl Source {
         match self {
             Source::BuiltIn => "Gallery".into(),
             Source::File(path) => {
-                path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into())
+                let name_in = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
+                // What a folder like `.` is called, the disk knows.
+                let named = name_in(path).or_else(|| name_in(&path.canonicalize().ok()?));
+                named.unwrap_or_else(|| path.display().to_string())
             }
             Source::Bytes { name, .. } => name.clone(),
         }
