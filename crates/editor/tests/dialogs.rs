@@ -13,7 +13,7 @@ use egui_kittest::Node;
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{
-    Kept, Window, ask_for, ask_to_close, baked, click, open, open_again, open_with, quick, room, save_as, wait,
+    Kept, Window, ask_for, ask_to_close, baked, click, hints, open, open_again, open_with, quick, room, save_as, wait,
 };
 
 /// Size of the window in points, with letters of the usual size.
@@ -133,6 +133,14 @@ fn every_question_about_a_file_can_be_read_and_answered_in_a_small_window() {
         assert!(window.query_by_label("Path").is_none());
         wait(&mut window, |_| path.exists());
     }
+}
+
+#[test]
+fn a_button_that_opens_no_dialog_of_the_desktop_says_why() {
+    let mut window = baked();
+    click(&mut window, "Open…");
+    assert!(window.get_by_label("Browse…").accesskit_node().is_disabled());
+    assert!(hints(&mut window, "Browse…", "type the path in the field"));
 }
 
 #[test]

@@ -60,6 +60,19 @@ fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
 }
 
 #[test]
+fn a_kind_that_is_chosen_without_a_name_takes_the_one_that_was_suggested() {
+    let mut window = baked();
+    click(&mut window, "Export…");
+    for (kind, name) in [("OpenEXR", "room.exr"), ("PNG", "room.png")] {
+        window.get_by_label("Path").set_text_value_accesskit("");
+        window.run_steps(3);
+        click(&mut window, kind);
+        let path = window.get_by_label("Path").accesskit_node().value();
+        assert_eq!(path.as_deref(), Some(name));
+    }
+}
+
+#[test]
 fn with_large_letters_the_question_about_a_picture_fits_the_window() {
     let folder = tempfile::tempdir().unwrap();
     let mut window = baked();

@@ -95,8 +95,10 @@ impl App {
     pub(super) fn question_ui(&mut self, ctx: &Context) {
         let units = self.units();
         let Some(question) = &mut self.question else { return };
+        let suggested = question.suggestion().to_owned();
         let exports = matches!(question.task(), FileTask::Export | FileTask::ExportFrames);
         let view = self.session.shown.as_ref().filter(|_| exports).map(|shown| ExportView {
+            suggested: &suggested,
             baked: [shown.header.width, shown.header.height],
             units,
             has_illuminance: shown.pixel_irradiance().is_some(),

@@ -67,6 +67,8 @@ pub enum FileDialogs {
 pub struct FileQuestion {
     task: FileTask,
     path: String,
+    /// The path as it was at first.
+    suggestion: String,
     /// What a path that names no folder is relative to.
     folder: PathBuf,
     native: Option<NativeDialog>,
@@ -100,11 +102,22 @@ impl FileQuestion {
         own: Option<PathBuf>,
         dialogs: FileDialogs,
     ) -> FileQuestion {
-        let path = suggestion.into();
+        let (path, suggestion) = (suggestion.to_owned(), suggestion.to_owned());
         let (agreed, native, is_fresh) = (own, None, true);
         let (refused, replaces, looked_for) = (None, None, None);
-        let mut question =
-            FileQuestion { task, path, folder, native, dialogs, is_fresh, agreed, refused, replaces, looked_for };
+        let mut question = FileQuestion {
+            task,
+            path,
+            suggestion,
+            folder,
+            native,
+            dialogs,
+            is_fresh,
+            agreed,
+            refused,
+            replaces,
+            looked_for,
+        };
         if dialogs == FileDialogs::Desktop && !task.asks_more() {
             question.browse();
         }
@@ -181,6 +194,11 @@ impl FileQuestion {
     /// Takes the path of a file that was dropped on the window.
     pub fn fill_in(&mut self, path: &Path) {
         self.path = path.display().to_string();
+    }
+
+    /// The path that was suggested.
+    pub fn suggestion(&self) -> &str {
+        &self.suggestion
     }
 
     /// What the file is wanted for.
@@ -265,10 +283,13 @@ impl FileQuestion {
         ui.add_space(8.0);
         let mut answer = None;
         ui.horizontal(|ui| {
-            if ui
-                .add_enabled(self.native.is_none() && self.dialogs == FileDialogs::Desktop, Button::new("Browse…"))
-                .clicked()
-            {
+            let why_not = match (&self.native, self.dialogs) {
+                (Some(_), _) => Some("The dialog of the desktop is open; answer it, or type the path in the field"),
+                (None, FileDialogs::FieldOnly) => Some("The desktop has no dialog here; type the path in the field"),
+                (None, FileDialogs::Desktop) => None,
+            };
+            let browse = ui.add_enabled(why_not.is_none(), Button::new("Browse…"));
+            if browse.on_disabled_hover_text(why_not.unwrap_or_default()).clicked() {
                 self.browse();
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {

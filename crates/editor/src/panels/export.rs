@@ -14,7 +14,9 @@ use crate::sequence::{MOST_FRAMES, Pattern};
 
 /// What the questions are about.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ExportView {
+pub struct ExportView<'a> {
+    /// The name of a file that was suggested.
+    pub suggested: &'a str,
     /// Size of the bake in pixels.
     pub baked: [u32; 2],
     /// What its numbers count.
@@ -42,7 +44,7 @@ pub fn export_ui(
     let format = written.as_ref().ok().copied();
     egui::Grid::new("export").num_columns(2).spacing([14.0, 7.0]).show(ui, |ui| {
         ui.label("Format");
-        ui.horizontal(|ui| format_ui(ui, path, format));
+        ui.horizontal(|ui| format_ui(ui, path, format, view.suggested));
         ui.end_row();
         match format {
             Some(ImageFormat::Exr) => exr_rows(ui, options, view),
@@ -52,7 +54,7 @@ pub fn export_ui(
         ui.horizontal(|ui| width_ui(ui, options, view.baked));
         ui.end_row();
         ui.label("Part");
-        ui.horizontal(|ui| region_ui(ui, options, view.baked));
+        ui.horizontal_wrapped(|ui| region_ui(ui, options, view.baked));
         ui.end_row();
         view_row(ui, options, view);
     });
@@ -106,7 +108,7 @@ pub fn frames_ui(
         ui.label(format!("{} at {fps} fps", n_asked(*asked, last)));
         ui.end_row();
         ui.label("Format");
-        ui.horizontal(|ui| format_ui(ui, path, format));
+        ui.horizontal(|ui| format_ui(ui, path, format, view.suggested));
         ui.end_row();
         match format {
             Some(ImageFormat::Exr) => numbers_rows(ui, options),
@@ -116,7 +118,7 @@ pub fn frames_ui(
         ui.horizontal(|ui| width_ui(ui, options, view.baked));
         ui.end_row();
         ui.label("Part");
-        ui.horizontal(|ui| region_ui(ui, options, view.baked));
+        ui.horizontal_wrapped(|ui| region_ui(ui, options, view.baked));
         ui.end_row();
         view_row(ui, options, view);
     });
@@ -148,7 +150,7 @@ fn range_ui(ui: &mut Ui, asked: &mut Option<[u32; 2]>, last: u32) {
     }
 }
 
-fn format_ui(ui: &mut Ui, path: &mut String, format: Option<ImageFormat>) {
+fn format_ui(ui: &mut Ui, path: &mut String, format: Option<ImageFormat>, suggested: &str) {
     let choices = [
         (ImageFormat::Png, "PNG", "png", "A picture for people: sRGB, as it is seen"),
         (ImageFormat::Exr, "OpenEXR", "exr", "Light for other programs: linear, with layers"),
@@ -157,6 +159,7 @@ fn format_ui(ui: &mut Ui, path: &mut String, format: Option<ImageFormat>) {
         if ui.radio(format == Some(choice), name).on_hover_text(hint).clicked() {
             // What stands behind another dot is a part of the name.
             let stem = match format {
+                _ if path.trim().is_empty() => Path::new(suggested).with_extension("").display().to_string(),
                 Some(_) => Path::new(path.trim()).with_extension("").display().to_string(),
                 None => path.trim().to_owned(),
             };
@@ -285,4 +288,46 @@ fn view_row(ui: &mut Ui, options: &mut ExportOptions, view: &ExportView) {
         }
     });
     ui.end_row();
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use eframe::egui::vec2;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
+    use super::*;
+    use crate::theme;
+
+    /// Room for the question in the least window with letters of twice the size, points.
+    const LEAST_WIDTH: f32 = 410.0;
+
+    #[test]
+    fn the_numbers_of_a_region_of_a_large_picture_stay_within_a_narrow_question() {
+        let baked = [16_384; 2];
+        let view = ExportView {
+            suggested: "room.exr",
+            baked,
+            units: Units::Photometric,
+            has_illuminance: false,
+            marked: None,
+            seen: None,
+        };
+        let region = Some(Region { x: 12_288, y: 12_288, width: 4096, height: 4096 });
+        let (mut options, mut path) = (ExportOptions { region, ..ExportOptions::default() }, String::from("room.exr"));
+        let edge = Cell::new(0.0);
+        let mut window = Harness::builder().with_size(vec2(600.0, 600.0)).build_ui(|ui| {
+            theme::apply(ui.ctx());
+            ui.set_width(LEAST_WIDTH);
+            edge.set(ui.max_rect().right());
+            export_ui(ui, &mut path, &mut options, &view, &mut Vec::new());
+        });
+        window.run_steps(4);
+        for label in ["Region left", "Region top", "Region width", "Region height"] {
+            let right = window.get_by_label(label).rect().right();
+            assert!(right <= edge.get(), "{label} ends at {right} of {}", edge.get());
+        }
+    }
 }
