@@ -281,31 +281,51 @@ fn the_bar_tells_the_memory_and_the_time_that_is_left_while_a_bake_runs() {
     assert!(window.query_by_label("Baking").is_none(), "nothing is left");
 }
 
-#[test]
-fn a_bake_that_was_stopped_goes_on_and_its_error_is_plotted() {
+/// A bake whose last pass is under way.
+fn in_its_last_pass() -> Window {
     let config = BakeConfig { spp: 128, tolerance_db: 60.0, ..BakeConfig::default() };
     let mut window = open_with(source(), config, None);
     wait(&mut window, |app| match app.session().bake {
         BakeState::Running { pass, n_passes, pass_done, .. } => pass + 1 == n_passes && pass_done > 0.2,
         _ => false,
     });
+    window
+}
+
+/// Stops the bake; answers how many blocks of its last pass are there.
+fn stopped(window: &mut Window) -> usize {
+    click(window, "Stop the bake");
+    wait(window, |app| app.session().bake == BakeState::Stopped);
+    let settings = window.state().settings().clone();
+    window.state().session().n_resumable(&settings, window.state().camera())
+}
+
+#[test]
+fn a_bake_that_was_stopped_is_started_over() {
+    let mut window = in_its_last_pass();
+    let n_kept = stopped(&mut window);
+    assert!(n_kept > 0, "there was something to go on with");
+    reach(&mut window, "Start over");
+    assert!(window.state().session().bake.is_running());
+    let n_now = stopped(&mut window);
+    assert!(n_now < n_kept, "{n_now} blocks of the last pass after {n_kept}");
+}
+
+#[test]
+fn a_bake_that_was_stopped_goes_on_and_its_error_is_plotted() {
+    let mut window = in_its_last_pass();
     // The key of a bake that runs does not begin it again.
     window.key_press_modifiers(Modifiers::COMMAND, Key::B);
     window.run_steps(1);
     let goes_on =
         |app: &App| matches!(app.session().bake, BakeState::Running { pass, n_passes, .. } if pass + 1 == n_passes);
     assert!(goes_on(window.state()), "it was begun again");
-    click(&mut window, "Stop the bake");
-    wait(&mut window, |app| app.session().bake == BakeState::Stopped);
-    let settings = window.state().settings().clone();
-    let n_kept = window.state().session().n_resumable(&settings, window.state().camera());
+    let n_kept = stopped(&mut window);
     assert!(n_kept > 0 && n_kept < 12, "{n_kept} blocks of the last pass were there");
     // The key of one that was stopped goes on with it.
     window.key_press_modifiers(Modifiers::COMMAND, Key::B);
     window.run_steps(1);
-    click(&mut window, "Stop the bake");
-    wait(&mut window, |app| app.session().bake == BakeState::Stopped);
-    assert!(window.state().session().n_resumable(&settings, window.state().camera()) >= n_kept, "it was begun anew");
+    assert!(stopped(&mut window) >= n_kept, "it was begun anew");
     // Another view begins anew.
     window.key_press(Key::C);
     window.run_steps(3);
