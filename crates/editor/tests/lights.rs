@@ -722,6 +722,22 @@ fn a_long_list_is_searched_by_a_part_of_a_name() {
 }
 
 #[test]
+fn two_lights_can_be_searched_and_one_needs_no_search() {
+    let mut window = baked();
+    window.get_by_label("Filter lights").click();
+    window.run_steps(2);
+    window.get_by_label("Filter lights").type_text("LAM");
+    window.run_steps(3);
+    assert!(window.query_by_label("Mute lamp").is_some() && window.query_by_label("Mute panel").is_none());
+
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    gltf["scenes"][0]["nodes"].as_array_mut().unwrap().pop();
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    assert!(window.query_by_label("Mute lamp").is_some() && window.query_by_label("Filter lights").is_none());
+}
+
+#[test]
 fn in_the_sorted_table_a_light_that_is_changed_stays_under_the_hand() {
     let mut window = lit();
     click(&mut window, "Table");

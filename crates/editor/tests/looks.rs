@@ -168,10 +168,11 @@ fn a_click_brings_a_look_back_and_is_one_step_of_undo() {
     let ev = window.state().shown_ev();
     click(&mut window, "Look Look");
     assert!(!is_muted(&window));
+    assert!(window.query_all_by_label_contains("The look “Look” is on").next().is_some());
     wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev).abs() > 1e-2);
     click(&mut window, "Undo");
     assert!(is_muted(&window), "one click is one step");
-    assert!(window.query_by_label("Look Look is on").is_none(), "what was taken back is not told any more");
+    assert!(window.query_by_label("The look “Look” is on").is_none(), "what was taken back is not told any more");
     window.key_press_modifiers(Modifiers::COMMAND, Key::Num1);
     window.run_steps(3);
     assert!(!is_muted(&window));

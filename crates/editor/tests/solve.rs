@@ -15,7 +15,7 @@ use clerestory_relight::Tone;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use clerestory_transport::light::{LightRig, luminance};
-use eframe::egui::{Key, Modifiers, PointerButton, Pos2, Rect, vec2};
+use eframe::egui::{Key, Modifiers, PointerButton, Pos2, Rect, Role, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -210,7 +210,13 @@ fn no_light_gets_below_its_least_factor_and_the_rest_is_kept_as_much_as_asked() 
     assert!((least(&bounded) - 0.8).abs() < 1e-4 && !bounded.outcomes[0].is_met, "{bounded:?}");
 
     set(&mut window, "Least factor", 0.0);
+    let rest = |window: &Window| {
+        let number = window.get_all_by_role_and_label(Role::SpinButton, "Keep the rest").last().unwrap();
+        number.accesskit_node().numeric_value()
+    };
+    assert_eq!(rest(&window), Some(window.state().look().wishes.keep), "it is read, too");
     set(&mut window, "Keep the rest", 1.0);
+    assert_eq!(rest(&window), Some(1.0));
     let kept = solved(&mut window);
     let [kept, free] = [kept, free].map(|found| found.outcomes[0].reached);
     assert!(kept > 1.05 * free, "{kept} {free}");

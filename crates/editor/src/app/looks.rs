@@ -194,7 +194,7 @@ impl App {
             self.looks.player.stop();
             self.daylight.stop();
             self.as_one_step(|app| app.look.take(idx));
-            self.say(format!("Look {name} is on"));
+            self.say(format!("The look “{name}” is on"));
         }
     }
 

@@ -51,7 +51,7 @@ pub fn camera_ui(ui: &mut Ui, view: &CameraView, edit: CameraEdit, actions: &mut
             ui.label(RichText::new("Open a scene to look around in it; a bake alone has one view").weak());
             return;
         };
-        mode_ui(ui, view, actions);
+        mode_ui(ui, view, camera, actions);
         choice_ui(ui, view, camera, edit.bookmarks, actions);
         views_ui(ui, view.views, actions);
         egui::CollapsingHeader::new("Numbers").id_salt("view numbers").show(ui, |ui| numbers_ui(ui, camera, view.film));
@@ -59,13 +59,20 @@ pub fn camera_ui(ui: &mut Ui, view: &CameraView, edit: CameraEdit, actions: &mut
     });
 }
 
-/// Takes the camera in hand.
-fn mode_ui(ui: &mut Ui, view: &CameraView, actions: &mut Vec<Action>) {
-    let toggle = Button::new("Move camera").selected(view.is_moving);
-    let hint = "Look for another view in a quick preview, C\nA new view needs a bake of its own; looks and lights stay";
-    if ui.add(toggle).on_hover_text(hint).clicked() {
-        actions.push(Action::ToggleCamera);
-    }
+/// Takes the camera in hand, and levels it.
+fn mode_ui(ui: &mut Ui, view: &CameraView, camera: &mut Camera, actions: &mut Vec<Action>) {
+    ui.horizontal_wrapped(|ui| {
+        let toggle = Button::new("Move camera").selected(view.is_moving);
+        let hint =
+            "Look for another view in a quick preview, C\nA new view needs a bake of its own; looks and lights stay";
+        if ui.add(toggle).on_hover_text(hint).clicked() {
+            actions.push(Action::ToggleCamera);
+        }
+        let hint = "Levels the camera and shifts the lens instead, so that vertical edges are vertical in the picture";
+        if ui.button("Straighten verticals").on_hover_text(hint).clicked() {
+            *camera = camera.upright();
+        }
+    });
 }
 
 /// Cameras of the file and bookmarks.
@@ -218,16 +225,10 @@ fn numbers_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
     if pose != before {
         *camera = camera.posed(&pose);
     }
-    ui.horizontal_wrapped(|ui| {
-        let hint = "Levels the camera and shifts the lens instead, so that vertical edges are vertical in the picture";
-        if ui.button("Straighten verticals").on_hover_text(hint).clicked() {
-            *camera = camera.upright();
-        }
-        let hint = "Copies this view as options of the command line";
-        if ui.button("Copy as options").on_hover_text(hint).clicked() {
-            ui.ctx().copy_text(option_words(camera));
-        }
-    });
+    let hint = "Copies this view as options of the command line";
+    if ui.button("Copy as options").on_hover_text(hint).clicked() {
+        ui.ctx().copy_text(option_words(camera));
+    }
 }
 
 fn degrees_ui(ui: &mut Ui, radians: &mut f32, range: std::ops::RangeInclusive<f32>) -> egui::Response {

@@ -118,8 +118,6 @@ pub struct LightsState {
     profiles: Profiles,
 }
 
-/// Lists up to this long need no filter.
-const FILTER_FROM: usize = 10;
 /// Room for the button that clears the filter, points.
 const CLEAR: f32 = 34.0;
 
@@ -246,7 +244,8 @@ fn heading_ui(ui: &mut Ui, state: &mut LightsState, lamps: &LampChoice, actions:
 
 /// Search, groups and units.
 fn layout_ui(ui: &mut Ui, state: &mut LightsState, n_lights: usize) {
-    if n_lights > FILTER_FROM {
+    // One light is found without.
+    if n_lights > 1 {
         filter_ui(ui, &mut state.filter);
     } else {
         state.filter.clear();

@@ -8,7 +8,7 @@ use eframe::egui::{
 use super::display::tone_name;
 use super::measure::{LuxBake, missing_ui, tools_ui};
 use super::menu::context_menu;
-use super::number::{Number, before_drag, number_of};
+use super::number::{Number, Spelling, before_drag, number_of, slider_ui};
 use super::sight::keep_in_sight;
 use crate::action::{Action, FileTask};
 use crate::illuminance::FOOT_CANDLE_LX;
@@ -380,8 +380,8 @@ fn limits_ui(ui: &mut Ui, wishes: &mut Wishes, view: &SolveView) {
         });
         ui.end_row();
         ui.label("Rest");
-        let keep = Slider::new(&mut wishes.keep, 1e-4..=1.0).logarithmic(true).show_value(false);
-        ui.add(keep.clamping(SliderClamping::Edits))
+        let keep = Slider::new(&mut wishes.keep, 1e-4..=1.0).logarithmic(true).max_decimals(4);
+        slider_ui(ui, keep.clamping(SliderClamping::Edits), Spelling::default())
             .on_hover_text("How much the rest of the picture is kept: left hardly, right as much as a wish counts")
             .accessible_name("Keep the rest");
         ui.end_row();
