@@ -142,12 +142,12 @@ pub fn viewport_ui(
         compare::sides_ui(ui, compared, (&areas, &images), &mut state.divider);
     }
     responses.iter().for_each(|response| zoom::paint_region(ui, response, state.grab.as_ref()));
-    let plate = |(nth, picture)| {
+    let plates = responses.iter().enumerate().map(|(nth, picture)| {
         let grid = Grid { image: images[nth], size: [width, height] };
         let is_keyed = responses[nth].has_focus() && !state.nudges_spot;
         Plate { picture, grid, names: viewed.names(), right_from: seen_from[nth], nth, is_keyed }
-    };
-    let plates: Vec<Plate> = responses.iter().enumerate().map(plate).collect();
+    });
+    let plates: Vec<Plate> = plates.collect();
     probe::follow(ui, &plates, &mut state.probes, is_free);
     probe::readings_ui(ui, &plates, viewed.readings, &mut state.probes, (look, lights));
     if let Some(words) = viewed.overlay.and_then(|overlay| overlay.hovered_words()) {
