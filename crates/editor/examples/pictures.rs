@@ -21,7 +21,7 @@ use image::{ExtendedColorType, ImageEncoder};
 
 const FILM: Film = Film { width: 640, height: 360 };
 /// The smaller one whose illuminance is baked.
-const MEASURED: Film = Film { width: 320, height: 180 };
+const MEASURED: Film = Film { width: 480, height: 270 };
 const SPP: u32 = 64;
 /// Of JPEG: letters stay clean, and a picture stays below 400 kB.
 const QUALITY: u8 = 92;
@@ -40,7 +40,7 @@ fn main() -> Result<()> {
     println!("baking the built-in scene with {spp} samples per pixel, which takes minutes");
     of_looks(&mut baked(FILM, spp, false)?, &folder)?;
     println!("baking it smaller, with its illuminance");
-    of_lux(&mut baked(MEASURED, spp / 4, true)?, &folder)
+    of_lux(&mut baked(MEASURED, spp / 2, true)?, &folder)
 }
 
 /// The window once the built-in scene is baked.

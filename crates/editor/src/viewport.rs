@@ -30,6 +30,7 @@ use crate::panels::heat::Overlay;
 use crate::panels::lamps::add_menu;
 use crate::panels::lights::LightsState;
 use crate::panels::menu::{context_menu, is_asked};
+use crate::panels::shortcuts::hears_keys;
 use crate::panels::spots::key_step;
 use crate::session::{BakeState, Stage};
 use crate::theme;
@@ -120,6 +121,9 @@ pub fn viewport_ui(
     state.zoom.heed_size(size, ui.pixels_per_point());
     let responses: Vec<Response> = areas.iter().zip(NAMES).map(|(area, name)| picture_of(ui, *area, name)).collect();
     put_back(ui, &mut state.grab, look);
+    if hears_keys(ui) && ui.input(|input| input.modifiers.is_none() && input.key_pressed(Key::F6)) {
+        responses[0].request_focus();
+    }
     state.nudges_spot &= ui.memory(|memory| responses.iter().any(|response| memory.has_focus(response.id)));
     for response in &responses {
         zoom::navigate(ui, response, (&mut state.zoom, &mut state.grab), size, viewed.navigation);

@@ -195,8 +195,7 @@ fn a_picture_that_has_the_keyboard_is_asked_without_a_pointer() {
     };
     let place = |window: &Window| measured(window).unwrap().0;
     assert_eq!(measured(&window), None);
-    window.get_by_label("Picture").focus();
-    window.run_steps(4);
+    press(&mut window, Modifiers::NONE, Key::F6);
     assert!(is_framed(&window, "Picture"), "it is seen where the keyboard is");
     let [x, y] = place(&window);
     assert!((x - 32).abs() <= 1 && (y - 24).abs() <= 1, "the middle of 64 × 48: {x}, {y}");

@@ -223,7 +223,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Middle drag, Space + drag"), "Move the picture"),
         (words("Click in the picture"), "Show which lights are there"),
         (words("P"), "Pin a probe at the pointer"),
-        (words("Arrow keys in the picture, with Shift"), "Move the ring by a pixel, ten pixels: Tab gets there"),
+        (words("Arrow keys in the picture, with Shift"), "Move the ring by a pixel, ten pixels: F6 or Tab gets there"),
         (words("Enter, P in the picture"), "Show which lights are at the ring, pin a probe there"),
         (words("C, Esc"), "Take the camera in hand, put it down"),
         (format!("{}, {}", keys(&VIEW_BEFORE), keys(&VIEW_AFTER)), "The baked view before, the one after"),
