@@ -178,7 +178,7 @@ fn measured(desk: &Desk, (section, of): (&str, &str), subjects: Vec<Subject>) ->
          render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
          references of {} samples per pixel each that are kept between runs, below the square of the reference's 99.5 percentile, told as no less than its standard error; nothing is\n\
          clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the median over all\n\
-         columns, each below its own peak. Shared light is denoised by what its pixels show; traced light is not, as with `--no-denoise`, nor is anything else. Spots: three of them on the first panel, one after the other, and the mean of their dB and, of a render of one look, of their seconds. A render of one single light is one of a render per light. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
+         columns, each below its own peak. Shared light is denoised by what its pixels show; traced light is not, as with `--no-denoise`, nor is anything else. Spots: three of them on the first panel, one after the other, and the mean of their dB and, of a render of one look, of their seconds. A render of one single light is one of a render per light. Of each number of samples all ways are measured one after the other; further points of the one of ours that is ahead come last. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
         runs::reference_spp(desk),
         desk.load_words(),
     );
@@ -313,7 +313,7 @@ fn soonest<const N: usize>(secs: [Option<[f64; 2]>; N]) -> Option<usize> {
 fn ends(scenes: &[(Subject, Measured)], of: &str) -> String {
     let mut text = format!(
         "\n### Where the references end{of}\n\n\
-         dB that the mean of both references would be told to have, by its standard error alone: about as far as errors can be told; what is nearer to the truth is told as about that.\n\n\
+         dB that the mean of both references would be told to have, by its standard error alone: about as far as errors can be told where the noise is even. Where it is a few bright samples, which hardly ever stand in the same entry of both, what is nearer to the truth than their mean is told as better than this.\n\n\
          | scene | {} |\n|---|---|---|---|\n",
         CHAPTERS.map(|(class, ..)| CLASSES[class]).join(" | "),
     );
