@@ -398,6 +398,19 @@ fn while_parallel_light_turns_evenly_the_picture_does() {
     assert_even("parallel light", picture, [1.4, 0.06]);
 }
 
+/// Middles of patches, and the way that the first sample of each looks.
+fn middles(mut samples: &[PatchSample]) -> Vec<(Vec3, Vec3)> {
+    let mut middles = Vec::new();
+    while let Some(first) = samples.first() {
+        // Those of a patch share it evenly.
+        let (own, others) = samples.split_at((1.0 / first.weight).round() as usize);
+        let sum: Vec3 = own.iter().map(|sample| sample.position).sum();
+        middles.push((sum / own.len() as f32, first.normal));
+        samples = others;
+    }
+    middles
+}
+
 #[test]
 fn a_lamp_where_none_should_be_makes_no_flash() {
     let scene = Arc::new(furnished().prepared());
@@ -408,10 +421,12 @@ fn a_lamp_where_none_should_be_makes_no_flash() {
         size(&picture)
     };
     let typical = size(Vec3::new(0.3, 0.7, 0.2));
-    // On points where patches are asked, and a little above; outside, far away, and at the camera.
+    // On points where patches are asked, in their middles, and a little above; outside, far away, and at the camera.
     let patches = bake.header.patches.as_ref().expect("patches");
-    let samples = patches.samples().iter().step_by(37);
-    let places = samples.flat_map(|s| [0.0, 1e-6, 1e-3, 0.02].map(|above| s.position + s.normal * above));
+    let asked = patches.samples().iter().step_by(37).map(|sample| (sample.position, sample.normal));
+    let of_patches = middles(patches.samples()).into_iter().step_by(31);
+    let places = asked.chain(of_patches);
+    let places = places.flat_map(|(place, normal)| [0.0, 1e-6, 1e-3, 0.02].map(|above| place + normal * above));
     let brightest = places.map(size).fold(0.0, f64::max);
     println!("{:.2} times the light", brightest / typical);
     assert!(brightest < 3.0 * typical, "a flash of {:.2} times the light", brightest / typical);
