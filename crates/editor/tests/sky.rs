@@ -7,7 +7,7 @@ mod desk;
 use clerestory::look::Look;
 use clerestory::session::{BakeState, Source};
 use clerestory_transport::basis::SourceKind;
-use clerestory_transport::sky::{SkySetting, SunPlace, SunPosition, sun_direction};
+use clerestory_transport::sky::{SkySetting, SunPlace, SunPosition, SunTime, sun_direction};
 use eframe::egui::{Event, Key, Modifiers, Vec2, pos2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 
@@ -102,6 +102,13 @@ fn angles(window: &Window) -> (f64, f64) {
     match sky(window).sun.unwrap().place {
         SunPlace::Angles { azimuth_deg, elevation_deg } => (azimuth_deg, elevation_deg),
         SunPlace::Time { .. } => panic!("the sun stands by time"),
+    }
+}
+
+fn time(window: &Window) -> SunTime {
+    match sky(window).sun.unwrap().place {
+        SunPlace::Time { time, .. } => time,
+        SunPlace::Angles { .. } => panic!("the sun stands by angle"),
     }
 }
 
@@ -263,13 +270,9 @@ fn the_dome_goes_by_arrow_keys_too() {
 
     click(&mut window, "By date and place");
     settle(&mut window);
-    let hour = |window: &Window| match sky(window).sun.unwrap().place {
-        SunPlace::Time { time, .. } => time.hour,
-        SunPlace::Angles { .. } => panic!("the sun stands by angle"),
-    };
-    let before = hour(&window);
+    let before = time(&window).hour;
     step(&mut window, Modifiers::NONE, Key::ArrowRight);
-    assert!((hour(&window) - before - 1.0 / 6.0).abs() < 1e-9, "{} {before}", hour(&window));
+    assert!((time(&window).hour - before - 1.0 / 6.0).abs() < 1e-9, "{} {before}", time(&window).hour);
 
     choose(&mut window, "Kind of sky", "Uniform");
     step(&mut window, Modifiers::NONE, Key::ArrowRight);
@@ -353,12 +356,8 @@ fn the_sun_follows_the_clock_and_a_played_day_is_one_step() {
     let mut window = under_the_sky();
     click(&mut window, "By date and place");
     settle(&mut window);
-    let hour = |window: &Window| match sky(window).sun.unwrap().place {
-        SunPlace::Time { time, .. } => time.hour,
-        SunPlace::Angles { .. } => panic!("the sun stands by angle"),
-    };
     let (at_ten, ev) = (sky(&window), window.state().shown_ev());
-    assert_eq!(hour(&window), 10.0);
+    assert_eq!(time(&window).hour, 10.0);
     click(&mut window, "Play the day");
     wait(&mut window, |app| match app.look().lights.sky.as_ref().unwrap().sun.unwrap().place {
         SunPlace::Time { time, .. } => time.hour > 20.0,
@@ -366,9 +365,9 @@ fn the_sun_follows_the_clock_and_a_played_day_is_one_step() {
     });
     click(&mut window, "Play the day");
     settle(&mut window);
-    let evening = hour(&window);
+    let evening = time(&window).hour;
     window.run_steps(20);
-    assert_eq!(hour(&window), evening, "it stays where it was paused");
+    assert_eq!(time(&window).hour, evening, "it stays where it was paused");
     assert!(window.state().shown_ev() > ev + 0.5, "an evening is darker: {} {ev}", window.state().shown_ev());
     assert!(sky(&window).map.unwrap() != at_ten.map.clone().unwrap(), "the sky goes with its sun");
     click(&mut window, "Undo");
@@ -420,10 +419,6 @@ fn the_sun_goes_with_the_hour_the_date_and_the_latitude() {
     let mut window = under_the_sky();
     click(&mut window, "By date and place");
     settle(&mut window);
-    let time = |window: &Window| match sky(window).sun.unwrap().place {
-        SunPlace::Time { time, .. } => time,
-        SunPlace::Angles { .. } => panic!("the sun stands by angle"),
-    };
     let morning = position(&window);
     window.get_by_label("Time of day").set_value_accesskit(870.0);
     window.run_steps(3);

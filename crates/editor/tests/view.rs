@@ -227,15 +227,17 @@ fn a_picture_that_has_the_keyboard_is_asked_without_a_pointer() {
     assert_eq!(place(&window), [x, y + 1]);
 }
 
+/// What is said of the pixel under a pointer that moves there.
+fn under(window: &mut Window, at: Pos2) -> String {
+    window.hover_at(at);
+    window.run_steps(4);
+    let words = window.get_by_label_contains("cd/m²").accesskit_node().value().unwrap();
+    words.split("   ").next().unwrap().to_owned()
+}
+
 #[test]
 fn a_region_is_zoomed_to_and_the_whole_picture_comes_back() {
     let mut window = baked();
-    let under = |window: &mut Window, at: Pos2| {
-        window.hover_at(at);
-        window.run_steps(4);
-        let words = window.get_by_label_contains("cd/m²").accesskit_node().value().unwrap();
-        words.split("   ").next().unwrap().to_owned()
-    };
     let area = window.get_by_label("Picture").rect();
     let from = area.center() + vec2(40.0, 20.0);
     let (middle, corner) = (from + vec2(50.0, 35.0), area.center() - vec2(200.0, 150.0));
@@ -283,12 +285,6 @@ fn the_menu_of_the_picture_pins_a_probe_and_shows_each_pixel_or_all_of_them() {
 #[test]
 fn the_menu_of_the_picture_zooms_to_the_rectangle_that_is_dragged_next() {
     let mut window = baked();
-    let under = |window: &mut Window, at: Pos2| {
-        window.hover_at(at);
-        window.run_steps(4);
-        let words = window.get_by_label_contains("cd/m²").accesskit_node().value().unwrap();
-        words.split("   ").next().unwrap().to_owned()
-    };
     let ask = |window: &mut Window, at: Pos2| {
         ask_for_menu(window, at);
         click(window, "Zoom to a rectangle");
