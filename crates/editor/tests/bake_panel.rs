@@ -23,8 +23,8 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{
-    Dropped, Kept, Window, baked, click, drag, hints, open, open_again, open_with, quick, reach, replace_and_reload,
-    room, save_as, wait, wait_until,
+    Dropped, Kept, Window, ask_to_close, baked, click, drag, hints, open, open_again, open_with, quick, reach,
+    replace_and_reload, room, save_as, wait, wait_until,
 };
 
 fn source() -> Source {
@@ -578,10 +578,7 @@ fn panels_and_units_that_were_chosen_are_there_when_the_scene_is_opened_again() 
     let mut window = opened(kept);
     wait(&mut window, |app| texels(app) == Some(8));
     assert_eq!(window.state().look().scene.panels["panel"], 8, "the look says so");
-    let input = window.input_mut();
-    let id = input.viewport_id;
-    input.viewports.entry(id).or_default().events.push(eframe::egui::ViewportEvent::Close);
-    window.run_steps(3);
+    ask_to_close(&mut window);
     assert!(window.query_by_label("Save the look?").is_none(), "nothing was done yet");
 }
 

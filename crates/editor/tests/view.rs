@@ -13,14 +13,14 @@ use clerestory_transport::archive;
 use clerestory_transport::camera::{Camera, Film, Pose};
 use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::{LightRig, LightSetting};
-use eframe::egui::{Key, Modifiers, Pos2, Role, ViewportEvent, vec2};
+use eframe::egui::{Key, Modifiers, Pos2, Role, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
 use desk::{
-    Window, ask_for_menu, baked, click, click_at, drag, is_framed, on_screen, open, reach, replace_and_reload, room,
-    type_keys, wait,
+    Window, ask_for_menu, ask_to_close, baked, click, click_at, drag, is_framed, on_screen, open, reach,
+    replace_and_reload, room, type_keys, wait,
 };
 
 /// A place on the back wall that no panel hides.
@@ -494,10 +494,7 @@ fn esc_that_closes_a_question_leaves_the_camera_in_hand() {
     click(&mut window, "Mute panel");
     turn_camera(&mut window);
     let turned = window.state().camera().unwrap().clone();
-    let input = window.input_mut();
-    let id = input.viewport_id;
-    input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
-    window.run_steps(3);
+    ask_to_close(&mut window);
     window.get_by_label("Save the look?");
     window.key_press(Key::Escape);
     window.run_steps(3);

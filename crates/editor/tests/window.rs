@@ -16,7 +16,7 @@ use clerestory_transport::archive::{self, part_state};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui::{
-    Event, Key, KeyboardShortcut, Memory, Modifiers, Role, ThemePreference, ViewportCommand, ViewportEvent, pos2, vec2,
+    Event, Key, KeyboardShortcut, Memory, Modifiers, Role, ThemePreference, ViewportCommand, pos2, vec2,
 };
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -823,14 +823,6 @@ fn a_dropped_folder_of_pictures_is_baked_and_each_light_has_a_slider() {
     window.get_by_label("Pictures that were taken tell no illuminance");
 }
 
-/// Asks the window to close.
-fn close(window: &mut Window) {
-    let input = window.input_mut();
-    let id = input.viewport_id;
-    input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
-    window.run_steps(3);
-}
-
 #[test]
 fn a_bake_of_pictures_that_runs_is_not_given_up_unasked() {
     let (folder, home) = (noisy_stage(), tempfile::tempdir().unwrap());
@@ -838,7 +830,7 @@ fn a_bake_of_pictures_that_runs_is_not_given_up_unasked() {
     std::fs::write(&other, room()).unwrap();
     let mut window = open(Source::File(folder.path().into()));
     wait(&mut window, |app| app.session().bake.is_running());
-    close(&mut window);
+    ask_to_close(&mut window);
     window.get_by_label("Give up the bake?");
     click(&mut window, "Go on baking");
     assert!(window.query_by_label("Give up the bake?").is_none() && window.state().session().bake.is_running());
@@ -879,13 +871,13 @@ fn frames_that_are_given_up_do_not_take_a_bake_of_pictures_along() {
     window.get_by_label("Time of the key").set_value_accesskit(120.0);
     window.run_steps(3);
     save_as(&mut window, "Export frames…", &frames.path().join("f_#####.png"));
-    close(&mut window);
+    ask_to_close(&mut window);
     click(&mut window, "Stop and close");
-    close(&mut window);
+    ask_to_close(&mut window);
     window.get_by_label("Save the bake?");
     click(&mut window, "Cancel");
     assert!(window.state().session().frames().is_some(), "who stays loses nothing");
-    close(&mut window);
+    ask_to_close(&mut window);
     window.get_by_label("Stop writing frames?");
 }
 
@@ -948,7 +940,7 @@ fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() 
     let mut window = open(Source::File(folder.path().into()));
     let is_baked = |app: &App| app.session().bake == BakeState::Done && app.is_settled();
     wait(&mut window, is_baked);
-    close(&mut window);
+    ask_to_close(&mut window);
     window.get_by_label("Save the bake?");
     click(&mut window, "Cancel");
     window.get_by_label("Save bake…").scroll_to_me();
@@ -956,7 +948,7 @@ fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() 
     save_as(&mut window, "Save bake…", &saved);
     wait(&mut window, |app| !app.session().has_unsaved_stack());
     assert!(saved.exists());
-    close(&mut window);
+    ask_to_close(&mut window);
     assert!(window.query_by_label("Save the bake?").is_none(), "it is in a file");
     // Another one is not, and goes when something else is opened.
     reach(&mut window, "Start bake");
@@ -966,7 +958,7 @@ fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() 
     window.get_by_label("Save the bake?");
     click(&mut window, "Discard");
     wait(&mut window, |app| app.session().has_scene());
-    close(&mut window);
+    ask_to_close(&mut window);
     assert!(window.query_by_label("Save the bake?").is_none());
 }
 
@@ -980,7 +972,7 @@ fn a_bake_of_pictures_gets_a_file_where_the_system_ends_the_program_without_aski
     eframe::App::on_exit(window.state_mut());
     assert_eq!(archive::read(&saved).unwrap().header.width, 32);
     std::fs::remove_file(&saved).unwrap();
-    close(&mut window);
+    ask_to_close(&mut window);
     window.get_by_label("Save the bake?");
     click(&mut window, "Discard");
     eframe::App::on_exit(window.state_mut());
@@ -1359,16 +1351,10 @@ fn what_is_chosen_about_a_scene_does_not_stop_another_from_being_opened() {
 #[test]
 fn closing_asks_only_when_the_look_would_be_lost() {
     let mut window = baked();
-    let close = |window: &mut Window| {
-        let input = window.input_mut();
-        let id = input.viewport_id;
-        input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
-        window.run_steps(3);
-    };
-    close(&mut window);
+    ask_to_close(&mut window);
     assert!(window.query_by_label("Save the look?").is_none());
     click(&mut window, "Mute lamp");
-    close(&mut window);
+    ask_to_close(&mut window);
     window.get_by_label("Save the look?");
     click(&mut window, "Cancel");
     assert!(window.query_by_label("Save the look?").is_none());
@@ -1406,10 +1392,7 @@ fn work_that_may_be_lost_is_unsaved_still_where_what_was_to_replace_it_cannot_be
         drop_and_discard(&mut window);
     }
     assert_eq!(*window.state().look(), look);
-    let input = window.input_mut();
-    let id = input.viewport_id;
-    input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
-    window.run_steps(3);
+    ask_to_close(&mut window);
     window.get_by_label("Save the look?");
 }
 
@@ -1420,10 +1403,7 @@ fn keys_are_for_the_question_that_waits() {
     let name = window.get_by_label("Mute lamp").rect().right_center() + vec2(20.0, 0.0);
     click_at(&mut window, name);
     let look = window.state().look().clone();
-    let input = window.input_mut();
-    let id = input.viewport_id;
-    input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
-    window.run_steps(3);
+    ask_to_close(&mut window);
     window.get_by_label("Save the look?");
     window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
     window.run_steps(3);
@@ -1446,10 +1426,7 @@ fn what_was_to_follow_a_save_that_failed_does_not_follow_a_later_one() {
     let folder = tempfile::tempdir().unwrap();
     let mut window = baked();
     click(&mut window, "Mute lamp");
-    let input = window.input_mut();
-    let id = input.viewport_id;
-    input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
-    window.run_steps(3);
+    ask_to_close(&mut window);
     window.get_all_by_label("Save look…").last().unwrap().click();
     window.run_steps(3);
     window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("missing/a.look").display().to_string());
