@@ -49,6 +49,12 @@ impl Row {
         Onward::Narrow
     }
 
+    /// Forgets all that was taken.
+    pub fn clear(&mut self) {
+        self.known.clear();
+        self.straight.clear();
+    }
+
     /// Divides all by a number of walks, and joins what came of the same patch.
     pub fn finish(&mut self, walks: f32) {
         for shares in [&mut self.known, &mut self.straight] {
