@@ -16,6 +16,7 @@ mod matrix;
 mod modes;
 mod nearest;
 mod response;
+mod strips;
 mod trials;
 
 use std::sync::Arc;
