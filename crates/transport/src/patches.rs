@@ -18,6 +18,7 @@ mod nearest;
 mod response;
 mod strips;
 mod trials;
+mod vector;
 
 use std::sync::Arc;
 

@@ -9,6 +9,7 @@ use clerestory_nystrom::{Half, SampledMatrix, SparseEntry};
 
 use super::exchange::{Row, Share};
 use super::learn::{Table, ray};
+use super::vector::{AT_ONCE, add_rows};
 use crate::camera::{Camera, Film};
 use crate::empty::EmptyPixels;
 use crate::irradiance::IrradianceRows;
@@ -99,25 +100,15 @@ impl Table {
     }
 }
 
-/// Rows of a table that are added at a time: the sums are read and written once for all of them.
-const AT_ONCE: usize = 4;
-
 /// Adds rows of a table, given the weight and the row of each share.
 fn add_weighted<'t>(out: &mut [f32], shares: &[Share], of: impl Fn(&Share) -> (f32, &'t [f32])) {
     let (together, rest) = shares.as_chunks::<AT_ONCE>();
     for shares in together {
-        add_together(out, shares.each_ref().map(&of));
+        add_rows(out, shares.each_ref().map(&of));
     }
     for share in rest {
         let (weight, light) = of(share);
         out.iter_mut().zip(light).for_each(|(out, light)| *out += weight * light);
-    }
-}
-
-fn add_together(out: &mut [f32], [(a, x), (b, y), (c, z), (d, w)]: [(f32, &[f32]); AT_ONCE]) {
-    let light = x.iter().zip(y).zip(z.iter().zip(w));
-    for (out, ((x, y), (z, w))) in out.iter_mut().zip(light) {
-        *out += (a * x + b * y) + (c * z + d * w);
     }
 }
 

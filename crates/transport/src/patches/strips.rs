@@ -3,11 +3,8 @@
 
 use rayon::prelude::*;
 
-/// Columns of a strip.
-const STRIP: usize = 16;
-
-/// A row of a table, and its weight in a sum.
-pub(super) type Link = (u32, f32);
+pub(super) use super::vector::Link;
+use super::vector::{STRIP, sums};
 
 /// A table whose columns lie in strips, the last of which is filled up with zeros.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -52,10 +49,8 @@ impl Strips {
 
     /// These rows, each with a sum of rows of a table added to it; the table has as many columns.
     pub fn plus(&self, links: &[Vec<Link>], table: &Strips) -> Strips {
-        let strip = |(base, table): (&Vec<[f32; STRIP]>, &Vec<[f32; STRIP]>)| -> Vec<[f32; STRIP]> {
-            base.iter().zip(links).map(|(base, links)| sum(*base, links, table)).collect()
-        };
-        let strips = self.strips.par_iter().zip(&table.strips).map(strip).collect();
+        let strips = self.strips.par_iter().zip(&table.strips);
+        let strips = strips.map(|(base, table)| sums(base, links, table)).collect();
         Strips { n_cols: self.n_cols, strips }
     }
 
@@ -79,15 +74,6 @@ impl Strips {
         // Summed in order, so that threads do not change it.
         self.strips.par_iter().zip(&other.strips).map(part).collect::<Vec<f64>>().iter().sum()
     }
-}
-
-fn sum(base: [f32; STRIP], links: &[Link], table: &[[f32; STRIP]]) -> [f32; STRIP] {
-    let mut sums = base;
-    for &(row, weight) in links {
-        let row = &table[row as usize];
-        (0..STRIP).for_each(|k| sums[k] += weight * row[k]);
-    }
-    sums
 }
 
 #[cfg(test)]
