@@ -6,10 +6,11 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use clerestory_nystrom::{Half, SampledMatrix, SparseEntry};
+use half::bf16;
 
 use super::exchange::{Row, Share};
 use super::learn::{Table, ray};
-use super::vector::{AT_ONCE, add_rows};
+use super::vector::{AT_ONCE, add_rows, single};
 use crate::camera::{Camera, Film};
 use crate::empty::EmptyPixels;
 use crate::irradiance::IrradianceRows;
@@ -101,14 +102,14 @@ impl Table {
 }
 
 /// Adds rows of a table, given the weight and the row of each share.
-fn add_weighted<'t>(out: &mut [f32], shares: &[Share], of: impl Fn(&Share) -> (f32, &'t [f32])) {
+fn add_weighted<'t>(out: &mut [f32], shares: &[Share], of: impl Fn(&Share) -> (f32, &'t [bf16])) {
     let (together, rest) = shares.as_chunks::<AT_ONCE>();
     for shares in together {
         add_rows(out, shares.each_ref().map(&of));
     }
     for share in rest {
         let (weight, light) = of(share);
-        out.iter_mut().zip(light).for_each(|(out, light)| *out += weight * light);
+        out.iter_mut().zip(light).for_each(|(out, light)| *out += weight * single(*light));
     }
 }
 
@@ -154,6 +155,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::patches::learn::halved;
     use crate::patches::nearest::Nearest;
     use crate::sampler::uniform_hash;
 
@@ -171,8 +173,8 @@ mod tests {
             n_columns: COLUMNS,
             narrow_alpha: 0.0,
             nearest: Arc::new(Nearest::new(Vec::new(), 1.0)),
-            straight: numbers(straight, 1000),
-            all: numbers(all, 2000),
+            straight: halved(&numbers(straight, 1000)),
+            all: halved(&numbers(all, 2000)),
         };
         // From none to many more than there are patches.
         for n in [0, 1, 3, 4, 5, 8, 40] {
@@ -190,10 +192,10 @@ mod tests {
                 let (channel, column) = (at / COLUMNS, at % COLUMNS);
                 let of = |share: &Share| (share.patch as usize, share.weight[channel] / PI);
                 for (patch, weight) in row.known.iter().map(of) {
-                    *sum += weight * table.all[(CHANNELS * patch + channel) * COLUMNS + column];
+                    *sum += weight * single(table.all[(CHANNELS * patch + channel) * COLUMNS + column]);
                 }
                 for (patch, weight) in row.straight.iter().map(of) {
-                    *sum += weight * table.straight[patch * COLUMNS + column];
+                    *sum += weight * single(table.straight[patch * COLUMNS + column]);
                 }
             }
             row.finish(PI);

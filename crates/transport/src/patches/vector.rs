@@ -4,6 +4,8 @@
     expect(unsafe_code, reason = "AVX2 behind run-time detection; `plain` is the safe twin with the same results")
 )]
 
+use half::bf16;
+
 /// Rows that are added at a time: what they are added to is read and written once for all of them.
 pub(super) const AT_ONCE: usize = 4;
 /// Columns of a strip.
@@ -12,8 +14,14 @@ pub(super) const STRIP: usize = 16;
 /// A row of a table, and its weight in a sum.
 pub(super) type Link = (u32, f32);
 
+/// A number in single precision, as fast as it can be had.
+#[inline(always)]
+pub(super) fn single(x: bf16) -> f32 {
+    f32::from_bits(u32::from(x.to_bits()) << 16)
+}
+
 /// Adds some rows to another one, each times its weight.
-pub(super) fn add_rows(out: &mut [f32], rows: [(f32, &[f32]); AT_ONCE]) {
+pub(super) fn add_rows(out: &mut [f32], rows: [(f32, &[bf16]); AT_ONCE]) {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: AVX2 was found.
@@ -34,12 +42,14 @@ pub(super) fn sums(base: &[[f32; STRIP]], links: &[Vec<Link>], table: &[[f32; ST
 
 // Closures would be compiled for any machine.
 mod anywhere {
-    use super::{AT_ONCE, Link, STRIP};
+    use half::bf16;
+
+    use super::{AT_ONCE, Link, STRIP, single};
 
     #[inline(always)]
-    pub(super) fn add_rows(out: &mut [f32], [(a, x), (b, y), (c, z), (d, w)]: [(f32, &[f32]); AT_ONCE]) {
+    pub(super) fn add_rows(out: &mut [f32], [(a, x), (b, y), (c, z), (d, w)]: [(f32, &[bf16]); AT_ONCE]) {
         for (out, ((x, y), (z, w))) in out.iter_mut().zip(x.iter().zip(y).zip(z.iter().zip(w))) {
-            *out += (a * x + b * y) + (c * z + d * w);
+            *out += (a * single(*x) + b * single(*y)) + (c * single(*z) + d * single(*w));
         }
     }
 
@@ -61,9 +71,11 @@ mod anywhere {
 }
 
 mod plain {
+    use half::bf16;
+
     use super::{AT_ONCE, Link, STRIP, anywhere};
 
-    pub(super) fn add_rows(out: &mut [f32], rows: [(f32, &[f32]); AT_ONCE]) {
+    pub(super) fn add_rows(out: &mut [f32], rows: [(f32, &[bf16]); AT_ONCE]) {
         anywhere::add_rows(out, rows);
     }
 
@@ -74,10 +86,12 @@ mod plain {
 
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
+    use half::bf16;
+
     use super::{AT_ONCE, Link, STRIP, anywhere};
 
     #[target_feature(enable = "avx2")]
-    pub(super) fn add_rows(out: &mut [f32], rows: [(f32, &[f32]); AT_ONCE]) {
+    pub(super) fn add_rows(out: &mut [f32], rows: [(f32, &[bf16]); AT_ONCE]) {
         anywhere::add_rows(out, rows);
     }
 
@@ -97,9 +111,18 @@ mod tests {
     }
 
     #[test]
+    fn numbers_of_half_the_size_are_those_of_the_library() {
+        for x in numbers(1000, 1).into_iter().chain([0.0, -0.0, 1e-30, 3e38]) {
+            assert_eq!(single(bf16::from_f32(x)), bf16::from_f32(x).to_f32());
+            assert!((single(bf16::from_f32(x)) - x).abs() <= x.abs() / 256.0, "{x}");
+        }
+    }
+
+    #[test]
     fn sums_are_the_same_whatever_the_instructions() {
         for len in [0, 1, 8, 21, 500] {
             let (table, weights) = (numbers(AT_ONCE * len, 1), numbers(AT_ONCE, 7000));
+            let table: Vec<bf16> = table.into_iter().map(bf16::from_f32).collect();
             let rows = || std::array::from_fn(|k| (weights[k], &table[k * len..][..len]));
             let mut best = numbers(len, 9000);
             let mut plain = best.clone();
