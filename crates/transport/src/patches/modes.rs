@@ -6,7 +6,7 @@
 //! which these pictures come nearest to that of e in the few pixels, Q = (TR)⁺T. So what the columns leave out of a light is
 //! what the pixels do not notice: the balanced truncation of a linear system. \[Rowley2005\]
 
-use clerestory_nystrom::spectrum::largest_eigenpairs;
+use clerestory_nystrom::spectrum::leading_pairs;
 use rayon::prelude::*;
 
 use super::codec::rounded;
@@ -46,7 +46,7 @@ impl Modes {
         let (learned, held_out): (Vec<usize>, Vec<usize>) = lit.into_iter().partition(|&lamp| lamp < n_learned);
         let n = learned.len();
         let gram = gram(&pictures, n_lamps, &learned);
-        let (mut values, vectors) = largest_eigenpairs(n, &gram, (COLUMNS_PER_LEARNED * n as f32) as usize);
+        let (mut values, vectors) = leading_pairs(n, &gram, (COLUMNS_PER_LEARNED * n as f32) as usize);
         values.retain(|value| *value > FAINTEST * trace(&gram, n));
         let n_columns = values.len();
         if n_columns == 0 {
