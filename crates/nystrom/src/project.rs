@@ -20,6 +20,7 @@ use crate::{
     product::{coefficients, combinations, power_step, product},
     random::Random,
     sketch::{Sketch, allowed, rank_limit, sketch},
+    spectrum::right_vectors,
     unpacked::Unpacked,
     vector::WIDE,
 };
@@ -310,12 +311,7 @@ fn range(coefficients: &Dense<f64>, (values, vectors): &Eigen, width: usize) -> 
 
 /// Right singular vectors of a wide matrix, as rows, largest first.
 fn principal(wide: &Dense<f64>) -> Dense<f32> {
-    let (values, vectors) = eigen(&product(wide.view(), wide.t()));
-    let mut basis = product(vectors.t(), wide.view());
-    for (r, value) in values.iter().enumerate() {
-        basis.row_mut(r).iter_mut().for_each(|x| *x /= value.sqrt());
-    }
-    basis.to_f32()
+    right_vectors(wide).to_f32()
 }
 
 /// What both halves hold in common of each component: vᵀ AᵀB v.
