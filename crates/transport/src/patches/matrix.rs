@@ -35,7 +35,7 @@ pub(crate) struct PatchMatrix<'a> {
 const STREAM: u64 = 9 << 58;
 const ARRIVING_STREAMS: [u64; 2] = [STREAM + (1 << 50), STREAM + (2 << 50)];
 /// Walks that leave the first surface of a pixel's sample.
-const SPLITS: u32 = 2;
+const SPLITS: u32 = 4;
 
 impl PatchMatrix<'_> {
     /// Stream of random numbers of the first row, the first half.
