@@ -19,6 +19,10 @@ pub struct BlockError {
     pub noise: f32,
 }
 
+/// Octaves by which the largest number of a component lies above 1 as a half: rows far below one that is very bright keep eleven bits, and
+/// noise in the same scale may still be greater than what it is the noise of.
+const ROOM: i32 = 8;
+
 /// One block of a matrix, compressed: `left · diag(scale) · right + sparse`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlockFactors {
@@ -186,9 +190,11 @@ impl BlockFactors {
     }
 }
 
-/// [`exponent`] of each column of a row-major matrix.
+/// Powers of two that columns of a row-major matrix are divided by: their largest magnitudes come into [2^ROOM, 2^(ROOM + 1)), where
+/// single precision holds what they are multiplied with again.
 fn exponents_of_columns(values: &[f32], n_cols: usize) -> Vec<i32> {
-    (0..n_cols).map(|col| exponent(values.iter().skip(col).step_by(n_cols))).collect()
+    let room = |exponent: i32| exponent - ROOM.min((exponent - (f32::MIN_EXP - 1)).max(0));
+    (0..n_cols).map(|col| room(exponent(values.iter().skip(col).step_by(n_cols)))).collect()
 }
 
 /// 2^exponent: below what single precision holds 0, above the greatest power.
@@ -302,6 +308,22 @@ mod tests {
                 assert!(is_told || !(1e-20..=1e20).contains(&magnitude), "{added:e} added, {told:e} told");
             }
         }
+    }
+
+    #[test]
+    fn a_row_a_million_times_as_bright_leaves_the_others_their_digits() {
+        let mut rng = Random::new([14, 0]);
+        let (n_rows, n_cols) = (32, 40);
+        let mut left: Vec<f32> = (0..n_rows).map(|_| 1.0 + rng.unit() as f32).collect();
+        left[0] *= 1e6;
+        let factors = BlockFactors::from_f32(&left, &orthonormal(&mut rng, 1, n_cols), n_rows, n_cols, 1);
+        for (x, half) in left.iter().zip(&factors.left) {
+            let got = half.to_f32() / factors.left[0].to_f32() * left[0];
+            assert!((got / x - 1.0).abs() < 1e-3, "{got} for {x}");
+        }
+        // Noise in the same scale may be greater than the brightest row.
+        let doubt: Vec<f32> = left.iter().map(|x| 50.0 * x).collect();
+        assert!(factors.with_doubt(&doubt, &left).doubt.iter().all(|x| x.is_finite()));
     }
 
     #[test]
