@@ -19,7 +19,7 @@ pub struct BlockError {
     pub noise: f32,
 }
 
-/// Octaves by which the largest number of a component lies above 1 as a half: rows far below one that is very bright keep eleven bits, and
+/// Octaves by which the largest number of a component lies above 1 as a half: rows far below one that is very large keep eleven bits, and
 /// noise in the same scale may still be greater than what it is the noise of.
 const ROOM: i32 = 8;
 
@@ -172,14 +172,14 @@ impl BlockFactors {
     }
 
     /// Columns whose entries are all zero.
-    pub fn n_dark_columns(&self) -> usize {
+    pub fn n_zero_columns(&self) -> usize {
         let n_cols = self.n_cols as usize;
-        let mut is_lit = vec![false; n_cols];
+        let mut is_held = vec![false; n_cols];
         for row in self.right.chunks(n_cols.max(1)) {
-            is_lit.iter_mut().zip(row).for_each(|(lit, x)| *lit |= x.to_f32() != 0.0);
+            is_held.iter_mut().zip(row).for_each(|(held, x)| *held |= x.to_f32() != 0.0);
         }
-        self.sparse.iter().for_each(|entry| is_lit[entry.col as usize] = true);
-        is_lit.into_iter().filter(|lit| !lit).count()
+        self.sparse.iter().for_each(|entry| is_held[entry.col as usize] = true);
+        is_held.into_iter().filter(|held| !held).count()
     }
 
     /// Memory that factors and sparse entries take, in bytes.
@@ -260,7 +260,7 @@ mod tests {
                 assert!((f64::from(got) - f64::from(x)).abs() <= rounding && zero == 0.0, "{x:e}: {factors:?}");
             }
         }
-        // What no number of single precision is, is dark or large, and nothing else.
+        // What no number of single precision is, is zero or large, and nothing else.
         assert_eq!(BlockFactors::from_f32(&[1e-40], &[1e-40], 1, 1, 1).entry(0, 0), 0.0);
         let beyond = BlockFactors::from_f32(&[f32::MAX, 0.0], &[f32::MAX], 2, 1, 1);
         assert!(beyond.entry(0, 0) > 1e38 && beyond.entry(1, 0) == 0.0, "{beyond:?}");
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_a_million_times_as_bright_leaves_the_others_their_digits() {
+    fn a_row_a_million_times_as_large_leaves_the_others_their_digits() {
         let mut rng = Random::new([14, 0]);
         let (n_rows, n_cols) = (32, 40);
         let mut left: Vec<f32> = (0..n_rows).map(|_| 1.0 + rng.unit() as f32).collect();
@@ -321,7 +321,7 @@ mod tests {
             let got = half.to_f32() / factors.left[0].to_f32() * left[0];
             assert!((got / x - 1.0).abs() < 1e-3, "{got} for {x}");
         }
-        // Noise in the same scale may be greater than the brightest row.
+        // Noise in the same scale may be greater than the largest row.
         let doubt: Vec<f32> = left.iter().map(|x| 50.0 * x).collect();
         assert!(factors.with_doubt(&doubt, &left).doubt.iter().all(|x| x.is_finite()));
     }
@@ -335,7 +335,7 @@ mod tests {
         factors.sparse = vec![entry(1, 0), entry(1, 4), entry(2, 3)];
         factors.column_errors = vec![0.0, 1.0, 2.0, 3.0, 4.0];
         let some = factors.with_columns(&[4, 0, 2]);
-        assert_eq!((some.n_cols, some.sparse.len(), some.n_dark_columns()), (3, 2, 0));
+        assert_eq!((some.n_cols, some.sparse.len(), some.n_zero_columns()), (3, 2, 0));
         assert_eq!(some.column_errors, [4.0, 0.0, 2.0]);
         for row in 0..4 {
             for (at, col) in [4, 0, 2].into_iter().enumerate() {
@@ -352,7 +352,7 @@ mod tests {
         assert_eq!([factors.entry(0, 1), factors.entry(1, 1)], [0.5, 21.0]);
         let half = BlockFactors::from_f32(&[1.0, 2.0], &[0.0, 3.0, 0.0], 2, 3, 1);
         let entry = SparseEntry { row: 1, col: 2, value: 1.0 };
-        assert_eq!((half.n_dark_columns(), BlockFactors { sparse: vec![entry], ..half }.n_dark_columns()), (2, 1));
+        assert_eq!((half.n_zero_columns(), BlockFactors { sparse: vec![entry], ..half }.n_zero_columns()), (2, 1));
         assert_eq!(factors.n_bytes(), 2 * 5 + 4 + 24);
     }
 }

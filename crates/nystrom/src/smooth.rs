@@ -125,7 +125,7 @@ impl Smoother<'_> {
     ) -> Option<Unpacked> {
         let [a, b] = [&level.means.a, &level.means.b].map(|half| self.forward(half));
         let (mut smooth, lost) = self.smoothed(&a, &b, means.unit);
-        let tolerance = group.tolerance.shaded(means, config.bright, group.share);
+        let tolerance = group.tolerance.tightened(means, config.strong, group.share);
         let mut fits: [Fit; 3] = fitted(&smooth, self.smoothing.bundle_len, tolerance, config, rng);
         let rank = measured(&smooth, [&fits[0], &fits[1]], tolerance, config).rank;
         fits.iter_mut().for_each(|fit| _ = fit.keep(rank));

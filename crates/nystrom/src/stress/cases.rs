@@ -62,9 +62,9 @@ fn alike(rng: &mut Random) -> Vec<Case> {
     let cols = DMatrix::from_fn(SHAPE.0, SHAPE.1, |row, col| clean[(row, col / 4)]);
     let both = DMatrix::from_fn(SHAPE.0, SHAPE.1, |row, col| clean[(row / 4, col % 16)]);
     let first = clean.row(0).into_owned();
-    let shades = normal(SHAPE, rng) * 1e-6;
+    let rests = normal(SHAPE, rng) * 1e-6;
     let nearly =
-        DMatrix::from_fn(SHAPE.0, SHAPE.1, |row, col| first[col] * (1.0 + (row % 7) as f64) + shades[(row, col)]);
+        DMatrix::from_fn(SHAPE.0, SHAPE.1, |row, col| first[col] * (1.0 + (row % 7) as f64) + rests[(row, col)]);
     vec![
         exact("decaying spectrum", clean, RANK),
         exact("rows four times", rows, RANK),
