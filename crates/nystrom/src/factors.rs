@@ -19,6 +19,22 @@ pub struct BlockError {
     pub noise: f32,
 }
 
+impl BlockError {
+    /// Standard deviation of `truncation + sampling` of a block of so many entries that was neither smoothed nor
+    /// [denoised](crate::Denoiser), when the noise is another one. Their sum is right in the mean and no bound: it is the inner
+    /// product of what two fits leave of their halves, an error e that they have in common and noise. With s the variance of the noise
+    /// of an entry of the mean, each half has noise of 2s, so the variance of that product is `4s²` per entry and `4s‖e‖²`.
+    pub fn deviation(&self, n_entries: usize) -> f64 {
+        let told = f64::from(self.truncation) + f64::from(self.sampling);
+        deviation(f64::from(self.noise), told, n_entries as f64)
+    }
+}
+
+/// The same in double precision: noise and what is told are mean squares per entry.
+pub(crate) fn deviation(noise: f64, told: f64, n_entries: f64) -> f64 {
+    2.0 * (noise * (noise + told.max(0.0)) / n_entries.max(1.0)).sqrt()
+}
+
 /// Octaves by which the largest number of a component lies above 1 as a half: rows far below one that is very large keep eleven bits, and
 /// noise in the same scale may still be greater than what it is the noise of.
 const ROOM: i32 = 8;
@@ -233,6 +249,15 @@ mod tests {
     use super::*;
     use crate::measure::PACKING;
     use crate::random::Random;
+
+    #[test]
+    fn what_is_told_deviates_by_its_noise_and_less_over_more_entries() {
+        let error = BlockError { truncation: 0.75, sampling: 0.75, noise: 0.5 };
+        assert_eq!([error.deviation(4), error.deviation(16), error.deviation(0)], [1.0, 0.5, 2.0]);
+        // What is left out may seem less than nothing.
+        assert_eq!(BlockError { truncation: -9.0, ..error }.deviation(4), 0.5);
+        assert_eq!(BlockError { noise: 0.0, ..error }.deviation(4), 0.0);
+    }
 
     #[test]
     fn packing_keeps_eleven_bits_at_every_magnitude() {
