@@ -7,8 +7,8 @@
 
 use crate::{dense::Dense, means::Means};
 
-/// How many times the mean noise of all columns, and what is allowed, count as noise of each: a rare bright sample in a column says
-/// little of it, and columns that are exact enough need no help. Found on four scenes, where one half to sixteen times differ little.
+/// How many times the mean noise of all columns, and what is allowed, count as noise of each: a rare large sample in a column says
+/// little of it, and columns that are exact enough need no help. Found on four matrices, where one half to sixteen times differ little.
 const SHARED: f64 = 4.0;
 
 /// Samples whose columns have been divided.

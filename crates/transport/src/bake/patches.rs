@@ -136,7 +136,7 @@ impl BakeJob {
             samples: SamplePlan { batch: max.min(8), min: max.min(FIRST_LOOK), max },
             seed: self.config.seed,
             max_rank: most_rank(self.config.block),
-            bright: BRIGHT,
+            strong: BRIGHT,
             ..CompressConfig::default()
         }
     }

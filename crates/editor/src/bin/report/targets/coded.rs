@@ -125,7 +125,7 @@ impl Subject {
             method: coding.method,
             selection: coding.selection,
             max_rank: (CHANNELS * coding.tile * coding.tile) as u32,
-            bright: BRIGHT,
+            strong: BRIGHT,
             smoothing: smoothing.map(Arc::new),
             ..CompressConfig::default()
         };
@@ -133,7 +133,7 @@ impl Subject {
         let matrix = self.compressed(&config, &partition, coding)?;
         let compressing = begun.elapsed().as_secs_f64();
         let columns = if coding.grid { grid } else { vec![ColumnRun::List(n_cols as u32)] };
-        let plan = PackPlan { columns, allowed, bright: BRIGHT, preserved: vec![1.0; n_cols] };
+        let plan = PackPlan { columns, allowed, strong: BRIGHT, preserved: vec![1.0; n_cols] };
         let begun = Instant::now();
         let packed = single_threaded(|| PackedMatrix::pack(&matrix, &plan))?;
         let mut packing = begun.elapsed().as_secs_f64();

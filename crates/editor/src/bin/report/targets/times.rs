@@ -69,7 +69,7 @@ fn measured(desk: &Desk, name: &str, spp: u32) -> Result<[f64; 2]> {
         share: 1.0,
     };
     let smoothing = Some(Arc::new(Smoothing::new(partition.clone(), CHANNELS, vec![runs])));
-    let config = CompressConfig { groups: vec![group], bright: 0.25, smoothing, ..CompressConfig::default() };
+    let config = CompressConfig { groups: vec![group], strong: 0.25, smoothing, ..CompressConfig::default() };
 
     let (mut secs, mut pixels) = ([0.0; 2], Vec::new());
     let blocks: Vec<usize> = (STEP / 2..partition.n_blocks()).step_by(STEP).collect();
