@@ -181,11 +181,6 @@ impl PreparedScene {
         Ok((prepared, warnings))
     }
 
-    /// Whether it has a mirror or a clear body, whose light on other surfaces free lamps lack.
-    pub fn casts_caustics(&self) -> bool {
-        self.scene.materials.iter().any(Material::casts_caustics)
-    }
-
     /// What rays of a device meet, in plain words.
     pub fn tree_words(&self) -> TreeWords {
         TreeWords { slabs: self.slabs.words(self), ..TreeWords::new(&self.solid, self.sheer.as_deref()) }

@@ -68,7 +68,7 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 23] = [
+const SECTIONS: [Section; 24] = [
     Section { name: "time", write: time::write },
     Section { name: time::OTHERS, write: time::write_others },
     Section { name: time::LIVING_ROOM, write: time::write_living_room },
@@ -91,6 +91,7 @@ const SECTIONS: [Section; 23] = [
     Section { name: "files", write: files::write },
     Section { name: "rays", write: rays::write },
     Section { name: "lamps", write: lamps::write },
+    Section { name: lamps::more::NAME, write: lamps::more::write },
     Section { name: "steps", write: steps::write },
 ];
 
