@@ -211,9 +211,9 @@ fn all_curves(desk: &Desk, picture: Picture) -> Result<[Curve; NAMES.len()]> {
 /// Mean ranks of a matrix without noise, the least, ours, and the least without shadows, of panels from 8 × 8 texels to `finest`.
 fn exact_ranks(desk: &Desk, finest: usize) -> Result<Vec<[f64; 3]>> {
     let Film { width, height } = sampling(desk, 1).film;
+    let (width, height) = (width as usize, height as usize);
     let mut found = Vec::new();
-    let mut pictures =
-        [soft::picture, soft::unshadowed].map(|picture| picture(width as usize, height as usize, finest));
+    let mut pictures = [soft::picture(width, height, finest), soft::unshadowed(width, height, finest)];
     loop {
         let side = pictures[0].n_cols.isqrt();
         desk.say(&format!("ranks of {side} × {side} texels without noise"));
