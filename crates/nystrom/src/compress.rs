@@ -79,6 +79,16 @@ pub struct SamplePlan {
     pub max: u32,
 }
 
+/// What becomes of columns that are noisier than others where the samples of a block do not suffice for its tolerance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NoisyColumns {
+    /// All are divided by their noise before the block is decomposed, so that a few noisy ones do not drown the others.
+    #[default]
+    Divided,
+    /// They are decomposed as they were sampled, for comparison.
+    AsSampled,
+}
+
 /// What is asked of [`compress`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompressConfig {
@@ -97,10 +107,12 @@ pub struct CompressConfig {
     pub strong: f32,
     /// How rows and columns lie, where noise may be taken out of what is smooth: done with blocks whose error would otherwise
     /// be greater than asked, if the halves tell that it helps. With or without it such blocks are found in columns that are
-    /// divided by their noise, so that a few noisy ones do not drown the others; tolerances of a rank alone ask for neither. Without
+    /// divided by their noise, see [`NoisyColumns`]; tolerances of a rank alone ask for neither. Without
     /// it a block that samples do not suffice for may be farther from the matrix than the mean of its samples is: what is held
     /// against what is smoothing and none, never the samples themselves.
     pub smoothing: Option<Arc<Smoothing>>,
+    /// What becomes of columns that are noisier than others in such blocks.
+    pub noisy_columns: NoisyColumns,
     /// Groups of no more columns than that are kept as they were sampled, noise and all, each column a component of its own: for
     /// columns whose noise is taken out afterwards. 0: none is.
     pub verbatim: usize,
@@ -118,6 +130,7 @@ impl Default for CompressConfig {
             max_rank: 96,
             strong: 0.0,
             smoothing: None,
+            noisy_columns: NoisyColumns::default(),
             verbatim: 0,
             seed: 0,
         }
@@ -312,7 +325,10 @@ pub(crate) fn unpacked(
             return Ok(plain);
         }
     }
-    let level = Level::new(means, goal);
+    let level = match config.noisy_columns {
+        NoisyColumns::Divided => Level::new(means, goal),
+        NoisyColumns::AsSampled => Level::undivided(means),
+    };
     let (levelled, error) = factor_levelled((means, &level), samples.bundle_len, group, config, rng());
     // Where rare large samples are the noise, what is left out may seem less than nothing.
     if levelled.truncation.max(0.0) + levelled.sampling <= goal {

@@ -2,7 +2,7 @@
 //! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [--into DIR] [SECTION]…`
 //!
-//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others` and `time-living-room` where their scenes are), in a hurry those of [`IN_A_HURRY`]; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
+//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others` and `time-living-room` where their scenes are), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
 //! it is finished by the same program. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
@@ -95,7 +95,7 @@ const SECTIONS: [Section; 24] = [
     Section { name: "steps", write: steps::write },
 ];
 
-/// What `--quick` alone measures: five minutes on two cores.
+/// What `--quick` alone measures: it aims at under five minutes on two cores.
 const IN_A_HURRY: [&str; 13] = [
     "time",
     time::OTHERS,

@@ -6,8 +6,8 @@ use std::time::Instant;
 use anyhow::{Result, ensure};
 use clerestory_nystrom::rivals::{Method, unrounded};
 use clerestory_nystrom::{
-    BlockFactors, BlockLowRank, BlockSamples, ColumnGroup, ColumnRun, CompressConfig, PackPlan, PackedMatrix,
-    Partition, Selection, Smoothing, Tolerance, compress_block,
+    BlockFactors, BlockLowRank, BlockSamples, ColumnGroup, ColumnRun, CompressConfig, NoisyColumns, PackPlan,
+    PackedMatrix, Partition, Selection, Smoothing, Tolerance, compress_block,
 };
 
 use super::judged::{Judged, Spectrum};
@@ -55,6 +55,8 @@ pub struct Coding {
     pub halves: bool,
     /// Whether noise is taken out of what is smooth.
     pub smooths: bool,
+    /// What becomes of columns that are noisier than others.
+    pub noisy_columns: NoisyColumns,
     /// How factors are kept.
     pub storage: Storage,
     /// Whether packing knows that columns are texels of a square, else it transforms none of them.
@@ -64,7 +66,16 @@ pub struct Coding {
 impl Default for Coding {
     fn default() -> Self {
         let (method, selection) = (Method::Projected, Selection::default());
-        Coding { method, selection, tile: TILE, halves: true, smooths: true, storage: Storage::Packed, grid: true }
+        Coding {
+            method,
+            selection,
+            tile: TILE,
+            halves: true,
+            smooths: true,
+            noisy_columns: NoisyColumns::default(),
+            storage: Storage::Packed,
+            grid: true,
+        }
     }
 }
 
@@ -127,6 +138,7 @@ impl Subject {
             max_rank: (CHANNELS * coding.tile * coding.tile) as u32,
             strong: BRIGHT,
             smoothing: smoothing.map(Arc::new),
+            noisy_columns: coding.noisy_columns,
             ..CompressConfig::default()
         };
         let begun = Instant::now();
