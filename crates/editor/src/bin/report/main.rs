@@ -68,8 +68,10 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 24] = [
+const SECTIONS: [Section; 26] = [
     Section { name: "time", write: time::write },
+    Section { name: time::MIRRORS, write: time::write_mirrors },
+    Section { name: time::MIXED, write: time::write_mixed },
     Section { name: time::OTHERS, write: time::write_others },
     Section { name: time::LIVING_ROOM, write: time::write_living_room },
     Section { name: time::SECONDS, write: time::seconds::write },
@@ -214,8 +216,8 @@ mod tests {
         let names: Vec<&str> = SECTIONS.iter().map(|section| section.name).collect();
         let is_once = |name: &&str| names.iter().filter(|other| *other == name).count() == 1;
         assert!(names.iter().chain(&IN_A_HURRY).all(is_once), "{names:?}");
-        let nth = |name: &str| names.iter().position(|other| *other == name);
-        assert_eq!(nth(time::LIVING_ROOM), nth(time::OTHERS).map(|nth| nth + 1), "the same of another scene");
-        assert!(!IN_A_HURRY.contains(&time::LIVING_ROOM));
+        let of_time = ["time", time::MIRRORS, time::MIXED, time::OTHERS, time::LIVING_ROOM];
+        assert_eq!(names[..of_time.len()], of_time, "the same of other scenes");
+        assert!([time::MIRRORS, time::MIXED, time::LIVING_ROOM].iter().all(|name| !IN_A_HURRY.contains(name)));
     }
 }

@@ -16,8 +16,8 @@ const HEAD: &str = "# Benchmarks\n\n\
     relight; ablations, with the work that is skipped; what a sitting costs; and every method on matrices on which methods fail, which\n\
     has a page of its own: [stability](stability.md). The other sections measure one part of the program each.\n\n\
     Which way is ahead stands below each table of [Error against time](#error-against-time), after how many looks a bake has paid in\n\
-    [Where a bake pays for itself](#where-a-bake-pays-for-itself), and again for scenes of others; which methods no other one beats, in\n\
-    [What nobody beats](#what-nobody-beats).\n\n\
+    [Where a bake pays for itself](#where-a-bake-pays-for-itself), and again in the sections behind them for scenes with mirrors and glass,\n\
+    for scenes of others, and under a sky; which methods no other one beats, in [What nobody beats](#what-nobody-beats).\n\n\
     What is aimed at stands in the text of a section, and *kept* or *missed* beside what was measured. Why something is missed stands\n\
     there, too, or on the page of the decision that it names, as far as that is known.\n\n\
     Scenes of `assets/scenes` are always measured. Others, and the matrices `mixed` and `reflect`, lie in a folder that\n\
