@@ -83,6 +83,11 @@ pub fn hundredths(values: Vec<f64>) -> String {
     spread_told(values, |value| format!("{value:.2}"))
 }
 
+/// The same in whole numbers.
+pub fn wholes(values: Vec<f64>) -> String {
+    spread_told(values, |value| format!("{value:.0}"))
+}
+
 /// The same of CPU seconds, which are counted in hundredths.
 pub fn cpu_words(values: Vec<f64>) -> String {
     spread_told(values, |secs| match secs {
@@ -125,6 +130,7 @@ mod tests {
         assert_eq!(spread_words(vec![0.125]), "0.12");
         assert_eq!(tenths_known(&[Some(30.0), Some(31.0)]), "30.5 (30.0…31.0)");
         assert_eq!(tenths_known(&[Some(30.0), None]), "—");
+        assert_eq!(wholes(vec![3.0, 1204.4, 20.0]), "20 (3…1204)");
         assert_eq!([vec![0.0, 0.06, 0.07], vec![21.3]].map(cpu_words), ["0.06 (< 0.01…0.07)", "21"]);
         assert_eq!(
             [0.0, 0.0042, 0.081, 0.25, 1.25, 12.5].map(digits),

@@ -15,9 +15,9 @@ use super::shared_right::SharedRight;
 use crate::methods::dense::{CHANNELS, Picture, TILE};
 
 /// As bakes have it: darker blocks are held to less.
-const BRIGHT: f32 = 0.25;
+pub const BRIGHT: f32 = 0.25;
 /// What a bake of pictures leaves to the ranks; packing takes the rest of its tolerance.
-const SHARE_OF_RANKS: f32 = 0.5;
+pub const SHARE_OF_RANKS: f32 = 0.5;
 
 /// A matrix whose brightest light is 1, and what is known of it.
 pub struct Subject {
@@ -61,11 +61,13 @@ pub struct Coding {
     pub storage: Storage,
     /// Whether packing knows that columns are texels of a square, else it transforms none of them.
     pub grid: bool,
+    /// Of what is chosen by chance.
+    pub seed: u64,
 }
 
 impl Default for Coding {
     fn default() -> Self {
-        let (method, selection) = (Method::Projected, Selection::default());
+        let (method, selection, seed) = (Method::Projected, Selection::default(), CompressConfig::default().seed);
         Coding {
             method,
             selection,
@@ -75,6 +77,7 @@ impl Default for Coding {
             noisy_columns: NoisyColumns::default(),
             storage: Storage::Packed,
             grid: true,
+            seed,
         }
     }
 }
@@ -135,6 +138,7 @@ impl Subject {
             groups: vec![group],
             method: coding.method,
             selection: coding.selection,
+            seed: coding.seed,
             max_rank: (CHANNELS * coding.tile * coding.tile) as u32,
             strong: BRIGHT,
             smoothing: smoothing.map(Arc::new),
