@@ -114,7 +114,7 @@ fn written(header: &BakeHeader, height: u32, path: &Path) -> Result<f64> {
     let plan = PackPlan {
         columns: vec![ColumnRun::Grid { width: SIDE, height: SIDE }],
         allowed: (LOST * mean_square) as f32,
-        bright: 0.0,
+        strong: 0.0,
         preserved: vec![1.0; n_cols as usize],
     };
     let packed = vec![groups.iter().map(|group| PackedMatrix::pack(group, &plan)).collect()];

@@ -120,7 +120,7 @@ fn compression(partition: &Partition, n_cols: usize, tolerance_db: f64, share: f
     CompressConfig {
         groups: vec![group],
         max_rank: MOST_RANK,
-        bright: BRIGHT,
+        strong: BRIGHT,
         smoothing: Some(Arc::new(smoothing)),
         ..CompressConfig::default()
     }

@@ -70,7 +70,7 @@ impl Traced {
             matrix.blocks[block.block_idx as usize] = Some(Arc::new(factors));
         }
         let plan =
-            PackPlan { columns: vec![grid(self.n_cols)], allowed, bright: BRIGHT, preserved: vec![1.0; self.n_cols] };
+            PackPlan { columns: vec![grid(self.n_cols)], allowed, strong: BRIGHT, preserved: vec![1.0; self.n_cols] };
         let packed = PackedMatrix::pack(&matrix, &plan);
         let mut bytes = Vec::new();
         packed.encode(&mut bytes);
