@@ -1,11 +1,16 @@
 //! Free lamps: relit pictures against traced ones, through the command line; and no jump while a lamp moves.
 
+use std::sync::Arc;
+
 use clerestory::compare::read_exr;
+use clerestory::look::Look;
 use clerestory_relight::{CpuRelighter, Radiance, Relight};
-use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::bake::{Bake, BakeConfig};
 use clerestory_transport::camera::Film;
+use clerestory_transport::emitters::Emitter;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
+use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -248,88 +253,208 @@ fn lamps_light_a_bake_whose_own_lamps_were_given_another_light() {
     assert_eq!(lit("measured", "--ies warm=@warm.ies"), plain);
 }
 
+const MUTED: LightSetting = LightSetting { intensity: 1.0, color: None, kelvin: None, muted: true };
+
+/// Makes a light of a baked file movable, while the others are set as told. Answers how the picture after that differs.
+fn exchanged(desk: &Desk, file: &str, scene: &PreparedScene, key: &str, others: LightSetting) -> Value {
+    let (sources, emitters) = (&scene.lighting.basis.sources, &scene.lighting.emitters);
+    let lamp = sources.iter().zip(emitters).find_map(|(source, emitter)| match emitter {
+        Emitter::Punctual(light) if source.key == key => Some((source, light)),
+        _ => None,
+    });
+    let (source, light) = lamp.unwrap();
+    let mut before = Look::default();
+    for other in sources.iter().filter(|other| other.key != key) {
+        before.lights.lights.insert(other.key.clone(), others);
+    }
+    let mut after = before.clone();
+    after.lights.lights.insert(key.into(), MUTED);
+    after.lights.lamps.push(FreeLamp::from_source("moved", source, light, LightSetting::default()).unwrap());
+    let [before, after] = [("before", before), ("after", after)].map(|(name, look)| {
+        std::fs::write(desk.path(&format!("{name}.look")), look.to_json()).unwrap();
+        let relight = format!("relight @{file}.transport --look @{name}.look --scene @{file}.glb");
+        desk.json(&format!("{relight} -o @{name}.exr --device cpu"));
+        read_exr(&desk.path(&format!("{name}.exr"))).unwrap().pixels
+    });
+    assert_ne!(before, after, "{key} was exchanged");
+    let compared = desk.json("compare @after.exr @before.exr");
+    println!("{key}: {compared}");
+    compared
+}
+
 #[test]
 fn a_light_of_the_file_that_became_movable_leaves_the_picture_as_it_was() {
     let desk = Desk::new();
     desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 256 --tolerance 50 --patches 1024"));
     let scene = prepare(&two_lamps_and_a_panel().glb());
-    let lighting = &scene.lighting;
-    let (source, light) = lighting
-        .basis
-        .sources
-        .iter()
-        .zip(&lighting.emitters)
-        .find_map(|(source, emitter)| match emitter {
-            clerestory_transport::emitters::Emitter::Punctual(light) if source.key == "warm" => Some((source, light)),
-            _ => None,
-        })
-        .unwrap();
-    let lamp = FreeLamp::from_source("moved", source, light, LightSetting::default()).unwrap();
-    let mut look = clerestory::look::Look::default();
-    look.lights.lights.insert("warm".into(), LightSetting { muted: true, ..LightSetting::default() });
-    look.lights.lamps.push(lamp);
-    std::fs::write(desk.path("moved.look"), look.to_json()).unwrap();
-    desk.json("relight @room.transport -o @before.exr --device cpu");
-    desk.json("relight @room.transport --look @moved.look --scene @room.glb -o @after.exr --device cpu");
-    let compared = desk.json("compare @after.exr @before.exr");
-    println!("{compared}");
+    let compared = exchanged(&desk, "room", &scene, "warm", LightSetting::default());
     assert!(compared["psnr_db"].as_f64().unwrap() > 40.0, "{compared}");
-    let [before, after] = ["before.exr", "after.exr"].map(|name| read_exr(&desk.path(name)).unwrap());
-    assert_ne!(before.pixels, after.pixels, "the lamp was exchanged");
+}
+
+/// A yard with a block, and a lamp of each kind that a file can have.
+fn three_lamps() -> SceneFile {
+    let wall = || SceneFile::lambert([0.7, 0.6, 0.5], [0.0; 3]);
+    let floor = Shape::quad(Vec3::new(-1.0, -1.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0);
+    let back = Shape::quad(Vec3::NEG_ONE, Vec3::X * 2.0, Vec3::Y * 2.0);
+    let left = Shape::quad(Vec3::new(-1.0, -1.0, 1.0), Vec3::NEG_Z * 2.0, Vec3::Y * 2.0);
+    let right = Shape::quad(Vec3::new(1.0, -1.0, -1.0), Vec3::Z * 2.0, Vec3::Y * 2.0);
+    let block = Shape::room(Vec3::splat(0.25)).turned().moved(Vec3::new(0.3, -0.75, -0.3));
+    let spot = json!({ "type": "spot", "intensity": 2.0, "spot": { "innerConeAngle": 0.6, "outerConeAngle": 1.0 } });
+    let distant = json!({ "type": "directional", "intensity": 3.0 });
+    SceneFile::default()
+        .surface("floor", &floor, wall())
+        .surface("back", &back, wall())
+        .surface("left", &left, wall())
+        .surface("right", &right, wall())
+        .surface("block", &block, SceneFile::lambert([0.3, 0.5, 0.7], [0.0; 3]))
+        .point_lamp("bulb", Vec3::new(-0.5, 0.3, 0.2), [1.0, 0.7, 0.4], 1.5)
+        .aimed_lamp("spot", [Vec3::new(0.5, 0.6, 0.6), Vec3::new(0.0, -0.6, -0.8)], spot)
+        .aimed_lamp("distant", [Vec3::new(0.4, 1.5, 0.7), Vec3::ZERO], distant)
+        .camera("door", Vec3::new(0.0, 0.0, 0.95), 1.1)
+}
+
+#[test]
+fn each_kind_of_lamp_that_became_movable_leaves_the_picture_of_it_alone_as_it_was() {
+    let (desk, glb) = (Desk::new(), three_lamps().glb());
+    std::fs::write(desk.path("yard.glb"), &glb).unwrap();
+    desk.json(&format!("bake @yard.glb -o @yard.transport {VIEW} --spp 256 --tolerance 50 --patches 1024"));
+    let scene = prepare(&glb);
+    for key in ["bulb", "spot", "distant"] {
+        let compared = exchanged(&desk, "yard", &scene, key, MUTED);
+        assert!(compared["psnr_db"].as_f64().unwrap() >= 40.0, "{key}: {compared}");
+    }
+}
+
+const FRAME: Film = Film { width: 32, height: 24 };
+
+/// A room that was baked with patches, and what its pixels see.
+struct Baked {
+    scene: Arc<PreparedScene>,
+    bake: Bake,
+    relighter: CpuRelighter,
+    points: VisiblePoints,
+}
+
+impl Baked {
+    fn new() -> Baked {
+        let scene = prepare(&two_lamps_and_a_panel().glb());
+        let bake = baked(&scene, FRAME, BakeConfig { spp: 32, patches: 256, ..BakeConfig::default() });
+        let narrow_alpha = bake.header.patches.as_ref().unwrap().narrow_alpha();
+        let config = VisibleConfig { samples: 8, narrow_alpha, ..VisibleConfig::default() };
+        let points = VisiblePoints::new(&scene, &scene.scene.cameras[0], FRAME, config, &|| false).unwrap();
+        let relighter = CpuRelighter::new(&frame(&bake)).unwrap();
+        Baked { scene, bake, relighter, points }
+    }
+
+    /// What the light of lamps becomes on its further way.
+    fn indirect(&mut self, lamps: &PreparedLamps) -> Vec<f32> {
+        let header = &self.bake.header;
+        let mut coefficients = header.coefficients(&LightRig::default());
+        coefficients.iter_mut().flatten().for_each(|rgb| *rgb = [0.0; 3]);
+        *coefficients.last_mut().unwrap() = lamps.light_on_patches(&self.scene, header.patches.as_ref().unwrap());
+        let mut indirect = Radiance::default();
+        self.relighter.relight(&coefficients, &mut indirect).unwrap();
+        indirect.pixels.into_flattened()
+    }
+
+    /// The mean of the first passes of their direct light.
+    fn direct(&self, lamps: &PreparedLamps, n_passes: u32) -> Vec<f32> {
+        let mut direct = vec![0.0; 3 * FRAME.n_pixels()];
+        for pass in 0..n_passes {
+            let picture = self.points.direct(&self.scene, lamps, pass, &|| false).unwrap();
+            direct.iter_mut().zip(picture.as_flattened()).for_each(|(sum, value)| *sum += value / n_passes as f32);
+        }
+        direct
+    }
+}
+
+/// A lamp at a place that shines towards another.
+fn placed(shape: LampShape, [position, aim]: [Vec3; 2]) -> PreparedLamps {
+    let (unit, setting) = (LampUnit::Lumen, LightSetting::default());
+    let (key, strength, turn_rad, replaces) = ("l".into(), 20.0, 0.0, None);
+    let lamp = FreeLamp { key, shape, position, aim, strength, unit, setting, turn_rad, replaces };
+    PreparedLamps::new(&[lamp], None).unwrap().0
+}
+
+/// The largest steps from one picture of a path to the next.
+#[derive(Debug)]
+struct Steps {
+    /// Of a whole picture, as a share of it.
+    whole: f32,
+    /// Of a pixel, as a share of the brightest one that most pictures have.
+    pixel: f32,
+    /// The same of a pixel that is lit before and after.
+    lit: f32,
+}
+
+impl Steps {
+    fn of(frames: &[Vec<f32>]) -> Steps {
+        let mut peaks: Vec<f32> = frames.iter().map(|frame| frame.iter().copied().fold(0.0, f32::max)).collect();
+        peaks.sort_by(f32::total_cmp);
+        let peak = peaks[peaks.len() / 2];
+        let size = |values: &[f32]| values.iter().map(|value| value * value).sum::<f32>().sqrt();
+        let mut most = Steps { whole: 0.0, pixel: 0.0, lit: 0.0 };
+        for pair in frames.windows(2) {
+            let values = || pair[0].iter().zip(&pair[1]);
+            let steps: Vec<f32> = values().map(|(before, after)| (after - before).abs()).collect();
+            most.whole = most.whole.max(size(&steps) / size(&pair[0]));
+            for (step, (before, after)) in steps.iter().zip(values()) {
+                most.pixel = most.pixel.max(step / peak);
+                if *before > 0.0 && *after > 0.0 {
+                    most.lit = most.lit.max(step / peak);
+                }
+            }
+        }
+        most
+    }
 }
 
 #[test]
 fn while_a_lamp_moves_continuously_the_picture_moves_continuously() {
-    let scene = prepare(&two_lamps_and_a_panel().glb());
-    let film = Film { width: 32, height: 24 };
-    let bake = baked(&scene, film, BakeConfig { spp: 32, patches: 256, ..BakeConfig::default() });
-    let patches = bake.header.patches.as_ref().unwrap();
-    let mut relighter = CpuRelighter::new(&frame(&bake)).unwrap();
-    let camera = &scene.scene.cameras[0];
-    let config = VisibleConfig { samples: 8, narrow_alpha: patches.narrow_alpha(), ..VisibleConfig::default() };
-    let points = VisiblePoints::new(&scene, camera, film, config, &|| false).unwrap();
+    let mut room = Baked::new();
     // Across the room, over the block and close by the wall, half a centimeter a frame.
-    let n_frames = 300;
-    let mut frames: Vec<[Vec<f32>; 2]> = Vec::new();
-    for nth in 0..n_frames {
+    let frame = |nth: u32| {
         let x = 0.005 * nth as f32 - 0.75;
-        let shape = LampShape::Disk { radius_m: 0.1 };
         let position = Vec3::new(x, -0.2 + 0.1 * (3.0 * x).sin(), -0.3);
-        let (unit, setting) = (LampUnit::Lumen, LightSetting::default());
-        let lamp = FreeLamp {
-            key: "l".into(),
-            shape,
-            position,
-            aim: position - Vec3::Y,
-            strength: 20.0,
-            unit,
-            setting,
-            turn_rad: 0.0,
-            replaces: None,
-        };
-        let lamps = PreparedLamps::new(&[lamp], None).unwrap().0;
-        let mut coefficients = bake.header.coefficients(&LightRig::default());
-        coefficients.iter_mut().flatten().for_each(|rgb| *rgb = [0.0; 3]);
-        *coefficients.last_mut().unwrap() = lamps.light_on_patches(&scene, patches);
-        let mut indirect = Radiance::default();
-        relighter.relight(&coefficients, &mut indirect).unwrap();
-        let mut direct = vec![0.0; 3 * film.n_pixels()];
-        for pass in 0..32 {
-            let picture = points.direct(&scene, &lamps, pass, &|| false).unwrap();
-            direct.iter_mut().zip(picture.iter().flatten()).for_each(|(sum, value)| *sum += value / 32.0);
-        }
-        frames.push([indirect.pixels.into_iter().flatten().collect(), direct]);
+        let lamps = placed(LampShape::Disk { radius_m: 0.1 }, [position, position - Vec3::Y]);
+        (room.indirect(&lamps), room.direct(&lamps, 32))
+    };
+    let (indirect, direct): (Vec<_>, Vec<_>) = (0..300).map(frame).unzip();
+    for (frames, most, what) in [(indirect, 0.05, "indirect"), (direct, 0.15, "direct")] {
+        let steps = Steps::of(&frames);
+        println!("{what}: {steps:.4?}");
+        assert!(steps.whole < most, "{what}: {steps:.4?}");
     }
-    for (part, most, what) in [(0, 0.05, "indirect"), (1, 0.15, "direct")] {
-        let norm = |values: &mut dyn Iterator<Item = f32>| values.map(|v| f64::from(v).powi(2)).sum::<f64>().sqrt();
-        let jump = |pair: &[[Vec<f32>; 2]]| {
-            let [before, after] = [&pair[0][part], &pair[1][part]];
-            norm(&mut before.iter().zip(after).map(|(a, b)| b - a)) / norm(&mut before.iter().copied())
+}
+
+#[test]
+fn what_a_drag_shows_moves_as_the_lamp_does() {
+    let mut room = Baked::new();
+    for shape in [
+        LampShape::Point,
+        LampShape::Spot { inner_rad: 0.3, outer_rad: 0.7 },
+        LampShape::Rectangle { size_m: [0.3, 0.2] },
+        LampShape::Sphere { radius_m: 0.1 },
+    ] {
+        // Above what the eye sees, as a body is brighter than all that it lights; half a centimeter a frame.
+        let frame = |nth: u32| {
+            let x = 0.005 * nth as f32 - 0.75;
+            let position = Vec3::new(x, 0.65 + 0.05 * (3.0 * x).sin(), 0.5);
+            let lamps = placed(shape.clone(), [position, position - Vec3::Y - Vec3::Z]);
+            (room.indirect(&lamps), room.direct(&lamps, 1))
         };
-        let mut jumps: Vec<f64> = frames.windows(2).map(jump).collect();
-        jumps.sort_by(f64::total_cmp);
-        let (median, largest) = (jumps[jumps.len() / 2], jumps[jumps.len() - 1]);
-        println!("{what}: median step {median:.4}, largest {largest:.4}");
-        assert!(largest < most, "{what}: a step of {largest:.4} where most are {median:.4}");
+        let (indirect, direct): (Vec<Vec<f32>>, Vec<Vec<f32>>) = (0..150).map(frame).unzip();
+        let sum = |(a, b): (&Vec<f32>, &Vec<f32>)| a.iter().zip(b).map(|(a, b)| a + b).collect::<Vec<f32>>();
+        let both: Vec<Vec<f32>> = indirect.iter().zip(&direct).map(sum).collect();
+        assert!(both.iter().flatten().all(|value| value.is_finite()), "{shape:?}");
+        let [indirect, direct, both] = [indirect, direct, both].map(|frames| Steps::of(&frames));
+        println!("{shape:?}: indirect {indirect:.4?}, direct {direct:.4?}, both {both:.4?}");
+        // Light that comes by way of surfaces has no edges.
+        assert!(indirect.whole < 0.05 && indirect.pixel < 0.1, "{shape:?}, indirect: {indirect:.4?}");
+        // A pass has the same random numbers in each frame: what is lit before and after follows distance and angle alone. Where the edge
+        // of a shadow comes by, all light of a pixel comes or goes, but no more than that, and of few pixels at once.
+        assert!(direct.lit < 0.1 && direct.pixel < 1.5, "{shape:?}, direct: {direct:.4?}");
+        assert!(direct.whole < 0.15, "{shape:?}, direct: {direct:.4?}");
+        assert!(both.pixel < 1.5 && both.whole < 0.15, "{shape:?}, both: {both:.4?}");
     }
 }

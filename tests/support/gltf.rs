@@ -1,6 +1,6 @@
 //! A tiny glTF writer: triangles, lamps and a camera, as GLB bytes in memory.
 
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use serde_json::{Value, json};
 
 /// Triangles in world space.
@@ -149,12 +149,23 @@ impl SceneFile {
 
     /// A node with a point lamp, candela per channel.
     #[must_use]
-    pub fn point_lamp(mut self, name: &str, position: Vec3, color: [f32; 3], candela: f32) -> SceneFile {
-        self.lights.push(json!({ "type": "point", "color": color, "intensity": candela }));
-        self.nodes.push(json!({
-            "name": name, "translation": position.to_array(),
-            "extensions": { "KHR_lights_punctual": { "light": self.lights.len() - 1 } },
-        }));
+    pub fn point_lamp(self, name: &str, position: Vec3, color: [f32; 3], candela: f32) -> SceneFile {
+        let light = json!({ "type": "point", "color": color, "intensity": candela });
+        self.lamp(light, json!({ "name": name, "translation": position.to_array() }))
+    }
+
+    /// A node with a lamp as glTF writes it, which shines from a place towards another.
+    #[must_use]
+    pub fn aimed_lamp(self, name: &str, [position, aim]: [Vec3; 2], light: Value) -> SceneFile {
+        let rotation = Quat::from_rotation_arc(Vec3::NEG_Z, (aim - position).normalize());
+        let (translation, rotation) = (position.to_array(), rotation.to_array());
+        self.lamp(light, json!({ "name": name, "translation": translation, "rotation": rotation }))
+    }
+
+    fn lamp(mut self, light: Value, mut node: Value) -> SceneFile {
+        self.lights.push(light);
+        node["extensions"] = json!({ "KHR_lights_punctual": { "light": self.lights.len() - 1 } });
+        self.nodes.push(node);
         self
     }
 

@@ -78,6 +78,23 @@ fn a_lamp_from_the_menu_lights_the_room_and_is_one_step_of_undo() {
 }
 
 #[test]
+fn a_lamp_from_the_menu_of_the_picture_hangs_just_before_what_was_pointed_at() {
+    let mut window = baked();
+    let wall = Vec3::new(-1.0, -0.2, -0.8);
+    let at = on_screen(&window, wall);
+    ask_for_menu(&mut window, at);
+    click(&mut window, "Add lamp here");
+    click(&mut window, "Point");
+    let [lamp] = &lamps(&window)[..] else { panic!("{:?}", lamps(&window)) };
+    assert_eq!(lamp.shape, LampShape::Point);
+    // A hand's breadth away, seen from 2 m.
+    let off = lamp.position - wall;
+    assert!(off.y.abs() < 0.03 && off.z.abs() < 0.03 && off.x > 0.02 && off.x < 0.12, "{off}");
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), Look::default(), "it is one step");
+}
+
+#[test]
 fn a_handle_goes_by_arrow_keys_and_takes_what_is_selected_along() {
     let mut window = with_two_lamps("Point", ["Point lamp 1", "Point lamp 2"]);
     let before = lamps(&window);
@@ -241,6 +258,35 @@ fn a_lamp_is_dragged_over_surfaces_and_chosen_by_a_click() {
     let lamp = middle(&window, "Point lamp 1 in the picture");
     click_at(&mut window, lamp, Modifiers::NONE);
     window.get_by_label("Move Point lamp 1 along X");
+}
+
+#[test]
+fn a_click_in_the_list_brings_the_handles_of_a_lamp() {
+    let mut window = with_lamp("Point");
+    let away = on_screen(&window, Vec3::new(-0.7, -0.6, -1.0));
+    click_at(&mut window, away, Modifiers::NONE);
+    assert!(window.query_by_label("Move Point lamp 1 along X").is_none());
+    let name = window.get_by_label("Mute Point lamp 1").rect().right_center() + vec2(20.0, 0.0);
+    click_at(&mut window, name, Modifiers::NONE);
+    window.get_by_label("Move Point lamp 1 along X");
+}
+
+#[test]
+fn the_ring_at_what_a_lamp_lights_is_dragged_over_surfaces() {
+    let mut window = with_lamp("Spot");
+    // Where the picture shows it; what it lights, in the middle of the far wall, stays.
+    reach(&mut window, "Keep the aim");
+    for (axis, meters) in [("X", 0.0), ("Y", 0.2), ("Z", -0.5)] {
+        window.get_by_label(&format!("Spot lamp 1 position {axis}")).set_value_accesskit(meters);
+        window.run_steps(3);
+    }
+    let (before, side) = (lamps(&window), Vec3::new(-1.0, -0.2, -0.8));
+    assert!(before[0].aim.distance(Vec3::NEG_Z) < 0.03, "{}", before[0].aim);
+    let (from, to) = (middle(&window, "Aim Spot lamp 1"), on_screen(&window, side));
+    drag(&mut window, from, to);
+    let after = lamps(&window);
+    assert!(after[0].aim.distance(side) < 0.03, "{}", after[0].aim);
+    assert_eq!(after[0].position, before[0].position, "it hangs where it hung");
 }
 
 #[test]

@@ -354,17 +354,27 @@ fn size(frame: &[f32]) -> f64 {
     frame.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Holds the pictures of a lamp on its way, 0…1, against the first: the brightest, and the largest change of 128 steps.
+/// Magnitude of the largest value of a picture.
+pub(super) fn peak(frame: &[f32]) -> f64 {
+    frame.iter().map(|x| f64::from(x.abs())).fold(0.0, f64::max)
+}
+
+/// Holds the pictures of a lamp on its way, 0…1, against the first: the brightest, and the largest change of 128 steps, of the whole
+/// picture and of a value over the brightest one.
 #[track_caller]
-fn assert_even(what: &str, picture: impl Fn(f32) -> Vec<f32>, [most, most_change]: [f64; 2]) {
+fn assert_even(what: &str, picture: impl Fn(f32) -> Vec<f32>, [most, most_change, most_of_pixel]: [f64; 3]) {
     let frames: Vec<Vec<f32>> = (0..=128).map(|nth| picture(nth as f32 / 128.0)).collect();
     let typical = size(&frames[0]);
     let brightest = frames.iter().map(|frame| size(frame)).fold(0.0, f64::max) / typical;
-    let change = |w: &[Vec<f32>]| size(&w[0].iter().zip(&w[1]).map(|(a, b)| a - b).collect::<Vec<_>>());
-    let largest = frames.windows(2).map(change).fold(0.0, f64::max) / typical;
-    println!("{what}: {brightest:.2} times the light, steps of {largest:.3} of it");
+    let change = |w: &[Vec<f32>]| w[0].iter().zip(&w[1]).map(|(a, b)| a - b).collect::<Vec<f32>>();
+    let changes: Vec<Vec<f32>> = frames.windows(2).map(change).collect();
+    let largest = changes.iter().map(|change| size(change)).fold(0.0, f64::max) / typical;
+    let of_pixel = changes.iter().map(|change| peak(change)).fold(0.0, f64::max) / peak(&frames[0]);
+    println!("{what}: {brightest:.2} times the light, steps of {largest:.3} of it, {of_pixel:.3} of a pixel");
     assert!(brightest < most, "{what}: a flash of {brightest:.2} times the light");
     assert!(largest < most_change, "{what}: a jump of {largest:.3} of the light");
+    // Light that comes by way of surfaces spreads: no pixel has a step for itself.
+    assert!(of_pixel < most_of_pixel, "{what}: a pixel that jumps by {of_pixel:.3} of the brightest");
 }
 
 #[test]
@@ -381,7 +391,7 @@ fn while_a_lamp_moves_evenly_the_picture_does() {
             let aim = position + Vec3::new(0.2, -1.0, -0.4);
             by_lamp(&scene, &bake, FreeLamp { position, aim, ..lamp(shape.clone()) }, Some(folder.path()))
         };
-        assert_even(&format!("{shape:?}"), picture, [1.4, 0.06]);
+        assert_even(&format!("{shape:?}"), picture, [1.4, 0.06, 0.2]);
     }
 }
 
@@ -395,7 +405,7 @@ fn while_parallel_light_turns_evenly_the_picture_does() {
         let aim = Vec3::Y + Vec3::new(sin, -cos, 0.3);
         by_lamp(&scene, &bake, FreeLamp { aim, ..lamp(LampShape::Directional { radius_rad: 0.0 }) }, None)
     };
-    assert_even("parallel light", picture, [1.4, 0.06]);
+    assert_even("parallel light", picture, [1.4, 0.06, 0.2]);
 }
 
 /// Middles of patches, and the way that the first sample of each looks.

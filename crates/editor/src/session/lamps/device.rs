@@ -355,6 +355,41 @@ mod tests {
         }
     }
 
+    #[test]
+    fn lamps_in_bad_places_are_lit_by_every_device_as_by_the_cpu() {
+        let gpus = Gpu::all_headless(DeviceChoice::Any);
+        assert!(!gpus.is_empty() || !is_required(), "no adapter");
+        let mut scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
+        let within = Vec3::new(0.4, -0.3, -0.6);
+        let plain = Material { metallic: 0.0, double_sided: true, ..Material::default() };
+        add_box(&mut scene, (within, Vec3::new(0.25, 0.3, 0.25)), Quat::IDENTITY, plain);
+        let view = view_of(scene);
+        let config = VisibleConfig { samples: 1, narrow_alpha: NARROW_ALPHA, ..VisibleConfig::default() };
+        let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
+        // On a wall and next to it, at the eye, outside and far away, within a solid.
+        let [wall, outside, far] = [Vec3::new(-1.0, 0.1, -0.4), Vec3::new(1.5, 0.0, -0.2), Vec3::splat(100.0)];
+        let places = [wall, wall + Vec3::X * 1e-6, wall + Vec3::X * 1e-3, view.camera.position(), outside, far, within];
+        for gpu in &gpus {
+            let mut device = LampDevice::new(gpu, &view).unwrap();
+            for place in places {
+                let aim = place - Vec3::Y;
+                let none = [
+                    LampShape::Rectangle { size_m: [0.0; 2] },
+                    LampShape::Disk { radius_m: 0.0 },
+                    LampShape::Sphere { radius_m: 0.0 },
+                ];
+                let none = none.map(|shape| lamp(shape, LampUnit::Lumen, [place, aim]));
+                for (nth, lamp) in lamps(place, aim).iter().chain(&none).enumerate() {
+                    let what = format!("lamp {nth} at {place}");
+                    assert_as_cpu(&mut device, &points, lamp, 0, &what);
+                    let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
+                    let is_dark = found.iter().all(|rgb| *rgb == [0.0; 3]);
+                    assert!(is_dark || ![outside, far, within].contains(&place), "{what} shines through a wall");
+                }
+            }
+        }
+    }
+
     /// A room without its wall behind the viewer, who sees it through a pane of solid glass from wall to wall with a bar in it, and a
     /// smaller one where nothing lies in the glass.
     fn glazed() -> LampView {

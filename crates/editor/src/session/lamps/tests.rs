@@ -2,23 +2,34 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use clerestory_transport::import;
-use clerestory_transport::lamps::{LampShape, LampUnit};
+use clerestory_transport::lamps::{LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::LightSetting;
+use clerestory_transport::scene::{Material, Scene};
+use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
+use glam::Vec2;
 
 use super::*;
 
+const FILM: Film = Film { width: 32, height: 24 };
+
+fn room() -> Scene {
+    import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene
+}
+
 fn view() -> Arc<LampView> {
-    let scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
+    view_of(room())
+}
+
+fn view_of(scene: Scene) -> Arc<LampView> {
     let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
     let camera = scene.scene.cameras[0].clone();
-    Arc::new(LampView {
-        scene,
-        camera,
-        film: Film { width: 32, height: 24 },
-        patches: None,
-        measures: true,
-        device: None,
-    })
+    Arc::new(LampView { scene, camera, film: FILM, patches: None, measures: true, device: None })
+}
+
+/// What the pixels of a view see in so many samples.
+fn points(view: &LampView, samples: u32, seed: u64) -> VisiblePoints {
+    let config = VisibleConfig { samples, seed, ..VisibleConfig::default() };
+    VisiblePoints::new(&view.scene, &view.camera, view.film, config, &|| false).unwrap()
 }
 
 fn lamp(key: &str, x: f32) -> FreeLamp {
@@ -98,20 +109,92 @@ fn color_and_intensity_only_weigh_what_is_there() {
     }
 }
 
+/// Of how many passes a picture of one lamp is the mean.
+fn n_passes(light: &LampLight) -> u32 {
+    (1.0 / light.parts[0].weights[0].x).round() as u32
+}
+
 #[test]
-fn a_lamp_that_moves_on_and_on_is_seen_on_its_way() {
+fn a_lamp_that_moves_on_and_on_is_seen_on_its_way_and_each_picture_is_whole_and_of_one_place() {
     let (view, (worker, _)) = (view(), worker());
+    let on_its_way = |serial: u64| lamp("a", 0.3 - 0.0003 * serial as f32);
+    let points = points(&view, 1, 0);
     let mut seen = 0;
     for serial in 1..2000 {
-        let lamps = vec![lamp("a", 0.3 - 0.0003 * serial as f32)];
-        worker.order(LampOrder { view: view.clone(), lamps, shows_arriving: false, serial });
-        seen += u32::from(worker.take().is_some());
+        worker.order(LampOrder { view: view.clone(), lamps: vec![on_its_way(serial)], shows_arriving: false, serial });
+        // One that stood for a while, as threads were late, is smoother already.
+        if let Some(light) = worker.take().filter(|light| n_passes(light) == 1) {
+            let (lamps, _) = PreparedLamps::new(&[on_its_way(light.serial)], None).unwrap();
+            let whole = points.direct(&view.scene, &lamps, 0, &|| false).unwrap();
+            let n_lit = whole.iter().filter(|rgb| rgb[1] > 0.0).count();
+            assert!(n_lit > FILM.n_pixels() / 2, "{n_lit} pixels are lit");
+            let differs = |(shown, own): &(&[f32; 3], &[f32; 3])| shown != own;
+            let n_others = light.direct.pixels.iter().zip(&whole).filter(differs).count();
+            assert!(n_others == 0, "{n_others} pixels are not of step {}", light.serial);
+            seen += 1;
+        }
         if seen > 3 {
             return;
         }
         std::thread::sleep(Duration::from_millis(2));
     }
     panic!("{seen} pictures of a lamp that moved");
+}
+
+/// A square card before the far wall of the room, whose left and right edges are seen in the middles of pixels.
+fn with_a_card() -> Scene {
+    let (mut scene, z) = (room(), -0.62);
+    let camera = &scene.cameras[0];
+    let right = camera.direction(FILM, Vec2::new(18.5, 12.0));
+    let half = right.x / -right.z * (camera.position().z - z);
+    let first = scene.mesh.positions.len() as u32;
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    scene.mesh.positions.extend(corners.map(|[x, y]| Vec3::new(half * x, 0.2 + half * y, z)));
+    scene.mesh.normals.extend([Vec3::Z; 4]);
+    scene.mesh.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|triangle| triangle.map(|vertex| first + vertex)));
+    scene.mesh.triangle_material.extend([scene.materials.len() as u32; 2]);
+    scene.mesh.triangle_node.extend([0; 2]);
+    scene.materials.push(Material { double_sided: true, metallic: 0.0, ..Material::default() });
+    scene
+}
+
+#[test]
+fn soft_shadows_and_edges_get_smooth_while_a_lamp_stands_still() {
+    let view = view_of(with_a_card());
+    // It shines away from the eye, so that its own rim is not seen.
+    let disk = LampShape::Disk { radius_m: 0.1 };
+    let lamp = FreeLamp { shape: disk, aim: Vec3::new(0.0, 0.2, -1.0), ..lamp("a", 0.0) };
+    let mut bench = Bench::new(view.clone());
+    bench.take(LampOrder { view: view.clone(), lamps: vec![lamp.clone()], shows_arriving: false, serial: 1 });
+    bench.step(&|_, _| false);
+    let first = bench.news().unwrap();
+    let mut last = first.clone();
+    while !bench.is_done() {
+        bench.step(&|_, _| false);
+        last = bench.news().unwrap_or(last);
+    }
+
+    // Many passes with other random numbers stand for the truth.
+    let (points, (lamps, _)) = (points(&view, 64, 9), PreparedLamps::new(&[lamp], None).unwrap());
+    let mut truth = vec![0.0f32; FILM.n_pixels()];
+    for pass in 0..256 {
+        let light = points.direct(&view.scene, &lamps, pass, &|| false).unwrap();
+        truth.iter_mut().zip(&light).for_each(|(sum, rgb)| *sum += rgb[1] / 256.0);
+    }
+    // The card hides the middle of its shadow; around it there is the soft rim alone.
+    let is_card = |pixel: u32| (12..20).contains(&(pixel % 32)) && (5..13).contains(&(pixel / 32));
+    let off = |light: &LampLight| {
+        let pixels = (0..).zip(light.direct.pixels.iter().zip(&truth)).filter(|(pixel, _)| !is_card(*pixel));
+        pixels.map(|(_, (rgb, truth))| (rgb[1] - truth).powi(2)).sum::<f32>().sqrt()
+    };
+    let (before, after) = (off(&first), off(&last));
+    assert!(after < 0.5 * before, "the shadow is off by {after}, by {before} at first");
+    // Half of a pixel at the edge shows the card, and half of it the wall.
+    for (y, [card, edge, wall]) in (8..11).flat_map(|y| [(y, [17, 18, 19]), (y, [14, 13, 12])]) {
+        let [card, edge, wall] = [card, edge, wall].map(|x: usize| last.direct.pixels[32 * y + x][1]);
+        let share = (edge - wall) / (card - wall);
+        assert!((0.1..0.9).contains(&share), "{edge} is not between {card} and {wall}");
+    }
 }
 
 #[test]
