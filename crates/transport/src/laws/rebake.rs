@@ -126,7 +126,10 @@ fn a_new_lamp_is_traced_alone_and_the_other_columns_stay_to_the_last_bit() {
     let earlier = baked(job(scene(|_| {})));
     let (again, n_traced) = rebaked(job(scene(add_lamp)), &earlier);
     assert_eq!(n_traced, 1);
-    assert_eq!(again.figures().skipped.reused_columns, 19);
+    let skipped = again.figures().skipped;
+    assert_eq!(skipped.reused_columns, 19);
+    assert!(skipped.reused_connections_saved >= 19.0 * FILM.n_pixels() as f64, "{skipped:?}");
+    assert_eq!(earlier.figures().skipped.reused_connections_saved, 0.0);
     assert_eq!(again.header.column_error.len(), again.header.basis.n_cols(), "errors of old and new columns");
     for key in OLD {
         assert!((0..2).all(|matrix| column(&again, matrix, key) == column(&earlier, matrix, key)), "{key}");
