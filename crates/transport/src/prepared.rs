@@ -10,6 +10,7 @@ use crate::casters::Casters;
 use crate::clearance::{clearance, nearer, offset_origin, rounding, shortening};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::enclosed;
+use crate::nested;
 use crate::remote;
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
@@ -176,6 +177,7 @@ impl PreparedScene {
         warnings.extend(hidden::warnings(&prepared));
         warnings.extend(enclosed::warnings(&prepared));
         warnings.extend(sheets::warning(&prepared));
+        warnings.extend(nested::warning(&prepared));
         warnings.extend(unlit::brighten(&mut prepared));
         stop.check()?;
         Ok((prepared, warnings))
