@@ -106,7 +106,7 @@ pub(crate) fn of_surfaces(scene: &Scene) -> String {
     of_scattering(scene, |hash| hash.mesh(&scene.mesh))
 }
 
-/// The same without some triangles, of which it does not count where they lie and what they are made of.
+/// The same without some triangles: it does not count where they lie, nor which of the materials they have.
 pub(crate) fn of_surfaces_without(scene: &Scene, left_out: &[bool]) -> String {
     of_scattering(scene, |hash| hash.mesh_without(&scene.mesh, left_out))
 }
