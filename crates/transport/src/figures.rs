@@ -46,7 +46,7 @@ pub struct Skipped {
     pub closed_sky_columns: usize,
     /// Columns of lamps and panels that cannot light what is seen.
     pub dark_lamp_columns: usize,
-    /// Connections that all these columns would have taken at first vertices alone.
+    /// Connections that all these columns and patches would have taken at first vertices alone, one for each and sample.
     pub connections_saved: f64,
     /// Share of the later connections that was left to roulette, in a few pixels.
     pub weak_connections: f32,
@@ -56,14 +56,20 @@ pub struct Skipped {
     pub camera_rays_saved: f64,
     /// Materials that are diffuse and nothing else: a number less for each scattering.
     pub diffuse_materials: usize,
+    /// Random numbers that would have chosen among their lobes at first vertices alone, one a sample, were surfaces met by their area.
+    pub random_numbers_saved: f64,
     /// Triangles that are never asked for their alpha.
     pub opaque_triangles: usize,
+    /// Times that rays of the camera alone would have asked them, one a sample, were surfaces met by their area.
+    pub alpha_tests_saved: f64,
     /// Images that were not decoded.
     pub idle_images: usize,
     /// Bytes of their texels, of those whose size was at hand.
     pub idle_image_bytes: u64,
     /// Columns that were taken over from an earlier bake.
     pub reused_columns: usize,
+    /// Connections that these would have taken at first vertices alone, one for each and sample.
+    pub reused_connections_saved: f64,
     /// What could have been skipped and was not, as asked.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub off: Vec<Skip>,
@@ -244,23 +250,31 @@ impl Bake {
         let (closed, lamps): (Vec<_>, Vec<_>) = dark.partition(|source| is_beyond(source.kind));
         let columns = |sources: &[&LightSource]| sources.iter().map(|source| source.columns.len()).sum::<usize>();
         let (closed_sky_columns, dark_lamp_columns) = (columns(&closed), columns(&lamps));
-        let unseen = header.sky_reach.iter().filter(|reach| **reach <= 0.0).count();
+        // Where pilots saw nothing of any patch, all are connected to.
+        let learns = header.skips.has(Skip::UnseenPatches) && header.sky_reach.iter().any(|reach| *reach > 0.0);
+        let unseen = header.sky_reach.iter().filter(|reach| learns && **reach <= 0.0).count();
         let samples_per_pixel = share * f64::from(full);
-        let samples = samples_per_pixel * f64::from(header.width) * f64::from(header.height);
+        let n_pixels = f64::from(header.width) * f64::from(header.height);
+        // A pixel that sees nothing has no first vertex.
+        let samples = samples_per_pixel * (n_pixels - f64::from(spared.empty_pixels)).max(0.0);
+        let saved = |per_sample: f64| (samples * per_sample).round();
         Skipped {
             closed_sky_columns,
             dark_lamp_columns,
-            connections_saved: (samples * (closed_sky_columns + dark_lamp_columns) as f64).round(),
+            connections_saved: saved((closed_sky_columns + dark_lamp_columns + unseen) as f64),
             weak_connections: spared.weak_connections,
             empty_pixels: spared.empty_pixels as usize,
             camera_rays_saved: (samples_per_pixel * f64::from(spared.empty_pixels)).round(),
             diffuse_materials: spared.diffuse_materials as usize,
+            random_numbers_saved: saved(f64::from(spared.diffuse_share)),
             opaque_triangles: spared.opaque_triangles as usize,
+            alpha_tests_saved: saved(f64::from(spared.opaque_share)),
             idle_images: spared.idle_images as usize,
             idle_image_bytes: spared.idle_bytes,
             reused_columns: spared.reused_columns as usize,
+            reused_connections_saved: saved(f64::from(spared.reused_columns)),
             off: header.skips.off(),
-            sky_patches: if header.skips.has(Skip::UnseenPatches) { unseen } else { 0 },
+            sky_patches: unseen,
             dark_columns: factors().map(|block| block.n_zero_columns()).sum(),
             dark_blocks: factors().filter(|b| b.rank == 0 && b.sparse.is_empty()).count(),
             converged_blocks: taken.iter().filter(|&&n| n < full).count(),

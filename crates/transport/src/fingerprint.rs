@@ -35,6 +35,26 @@ impl Fnv {
         self.bytes(bytemuck::cast_slice(&mesh.triangle_material));
     }
 
+    /// The same of some triangles alone, each under its number.
+    fn mesh_without(&mut self, mesh: &Mesh, left_out: &[bool]) {
+        let Mesh { positions, normals, tangents, uvs: [first, second], colors, .. } = mesh;
+        let lengths = [tangents.len(), first.len(), second.len(), colors.len()];
+        self.bytes(format!("{lengths:?}").as_bytes());
+        for (number, _) in left_out.iter().enumerate().filter(|(_, is_out)| !**is_out) {
+            self.bytes(format!("{number} {}", mesh.triangle_material[number]).as_bytes());
+            for vertex in mesh.triangles[number].map(|vertex| vertex as usize) {
+                self.bytes(bytemuck::bytes_of(&positions[vertex]));
+                self.bytes(bytemuck::bytes_of(&normals[vertex]));
+                for uv in [first, second].into_iter().filter_map(|uvs| uvs.get(vertex)) {
+                    self.bytes(bytemuck::bytes_of(uv));
+                }
+                for of_vertex in [tangents, colors].into_iter().filter_map(|all| all.get(vertex)) {
+                    self.bytes(bytemuck::bytes_of(of_vertex));
+                }
+            }
+        }
+    }
+
     fn texture(&mut self, texture: &Texture) {
         self.bytes(bytemuck::cast_slice(&texture.image.texels));
         self.bytes(format!("{:?} {:?}", texture.wrap, texture.filter).as_bytes());
@@ -83,10 +103,20 @@ pub(crate) fn of_texture(texture: &Texture) -> u64 {
 /// The same of the surfaces alone and how they scatter: nothing of it tells whether, how strongly, by which map or in which color they
 /// shine.
 pub(crate) fn of_surfaces(scene: &Scene) -> String {
+    of_scattering(scene, |hash| hash.mesh(&scene.mesh))
+}
+
+/// The same without some triangles: it does not count where they lie, nor which of the materials they have.
+pub(crate) fn of_surfaces_without(scene: &Scene, left_out: &[bool]) -> String {
+    of_scattering(scene, |hash| hash.mesh_without(&scene.mesh, left_out))
+}
+
+/// Of all that scatters, given how the mesh is read.
+fn of_scattering(scene: &Scene, of_mesh: impl FnOnce(&mut Fnv)) -> String {
     let mut hash = Fnv(OFFSET);
     let (mesh, (materials, textures)) = (&scene.mesh, without_light(scene));
     hash.bytes(format!("{} {} {}", mesh.positions.len(), mesh.triangles.len(), textures.len()).as_bytes());
-    hash.mesh(mesh);
+    of_mesh(&mut hash);
     for material in materials {
         hash.bytes(format!("{material:?}").as_bytes());
     }

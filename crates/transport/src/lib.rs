@@ -27,6 +27,7 @@ pub mod lamps;
 mod laws;
 pub mod light;
 pub mod matrix;
+mod nested;
 mod nodes;
 pub mod origin;
 pub mod patches;

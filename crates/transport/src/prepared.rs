@@ -10,6 +10,7 @@ use crate::casters::Casters;
 use crate::clearance::{clearance, nearer, offset_origin, rounding, shortening};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::enclosed;
+use crate::nested;
 use crate::remote;
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
@@ -179,6 +180,7 @@ impl PreparedScene {
         warnings.extend(hidden::warnings(&prepared));
         warnings.extend(enclosed::warnings(&prepared));
         warnings.extend(sheets::warning(&prepared));
+        warnings.extend(nested::warning(&prepared));
         warnings.extend(unlit::brighten(&mut prepared));
         stop.check()?;
         Ok((prepared, warnings))
@@ -383,14 +385,34 @@ impl PreparedScene {
 
     /// What of the scene itself is found needless, whoever looks at it.
     pub fn spared(&self) -> Spared {
-        let diffuse = self.scene.materials.iter().filter(|material| material.is_plainly_diffuse()).count();
-        Spared {
-            diffuse_materials: if self.skips.has(Skip::Lobes) { diffuse as u32 } else { 0 },
-            opaque_triangles: if self.skips.has(Skip::Alpha) { self.solid.n_triangles() as u32 } else { 0 },
-            idle_images: self.scene.idle_images,
-            idle_bytes: self.scene.idle_bytes,
-            ..Spared::default()
+        let mut spared =
+            Spared { idle_images: self.scene.idle_images, idle_bytes: self.scene.idle_bytes, ..Spared::default() };
+        if self.skips.has(Skip::Lobes) {
+            let diffuse = self.scene.materials.iter().filter(|material| material.is_plainly_diffuse()).count();
+            spared.diffuse_materials = diffuse as u32;
+            spared.diffuse_share = self.share_of_area(|triangle| self.material(triangle).is_plainly_diffuse());
         }
+        if self.skips.has(Skip::Alpha) {
+            spared.opaque_triangles = self.solid.n_triangles() as u32;
+            spared.opaque_share = self.share_of_area(|triangle| {
+                let material = self.material(triangle);
+                material.alpha == AlphaMode::Opaque && !material.unlit && !self.is_clear_pane(triangle)
+            });
+        }
+        spared
+    }
+
+    /// Share of the area of all surfaces that some triangles have, 0 where there is no area.
+    fn share_of_area(&self, is_one: impl Fn(u32) -> bool) -> f32 {
+        let mesh = &self.scene.mesh;
+        let (mut theirs, mut all) = (0.0, 0.0);
+        for triangle in 0..mesh.triangles.len() as u32 {
+            let [a, b, c] = mesh.corners(triangle).map(Vec3::as_dvec3);
+            let area = (b - a).cross(c - a).length();
+            all += area;
+            theirs += if is_one(triangle) { area } else { 0.0 };
+        }
+        if all > 0.0 { (theirs / all) as f32 } else { 0.0 }
     }
 
     /// Texture coordinates of both sets at a point of a triangle.

@@ -4,18 +4,20 @@
 //! surface of the scene lies behind it or beside its cone, or it has no strength that a look could turn up. A few walks look
 //! first at what they reach; they can only keep a light, never leave one out. Should rounding prove too much, walks that
 //! meet the light by themselves still count in full.
+//!
+//! By the same walls surfaces are found that no light of the picture meets: a later bake does not ask whether they moved.
 
 mod walls;
 
 use std::f32::consts::FRAC_PI_2;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
-use self::walls::Walls;
+use self::walls::{Walls, is_clear_of_box};
 use crate::basis::SourceKind;
 use crate::bvh::Ray;
 use crate::emitters::{Emitter, punctual_falloff};
-use crate::prepared::PreparedScene;
+use crate::prepared::{PreparedScene, next_after};
 use crate::sampler::{Sampler, uniform_sphere};
 use crate::scene::{PunctualKind, PunctualLight};
 use crate::skips::{Skip, Spared};
@@ -51,6 +53,37 @@ pub(crate) fn dark_sources(scene: &PreparedScene, eye: Vec3) -> Vec<u32> {
     }
     dark.sort_unstable();
     dark.into_iter().map(|source| source as u32).collect()
+}
+
+/// Of each triangle whether closed walls around the eye keep it out, so that it changes nothing of what is seen from there; `None`
+/// where they keep none out.
+pub(crate) fn shut_out(scene: &PreparedScene, eye: Vec3) -> Option<Vec<bool>> {
+    let mesh = &scene.scene.mesh;
+    // Closed walls lie around all that lines out of the eye end at.
+    let in_sight = walls_in_sight(scene, eye)?;
+    if !(0..mesh.triangles.len() as u32).any(|triangle| is_clear_of_box(mesh.corners(triangle), in_sight)) {
+        return None;
+    }
+    let out = Walls::around(scene, eye).shut_out(mesh);
+    out.contains(&true).then_some(out)
+}
+
+/// The box around the walls that lines out of the eye end at; `None` where one ends at none.
+fn walls_in_sight(scene: &PreparedScene, eye: Vec3) -> Option<[DVec3; 2]> {
+    let [mut low, mut high] = [eye.as_dvec3(); 2];
+    for walk in 0..WALKS {
+        let mut sampler = Sampler::new(0, STREAM, walk);
+        let direction = uniform_sphere(sampler.next_2d());
+        let mut ray = Ray { origin: eye, direction, t_min: 0.0, t_max: f32::INFINITY };
+        let mut hit = scene.closest(&ray, &mut sampler)?;
+        while !scene.is_wall(hit.triangle) {
+            ray.t_min = next_after(hit.t);
+            hit = scene.closest(&ray, &mut sampler)?;
+        }
+        let end = hit.position.as_dvec3();
+        (low, high) = (low.min(end), high.max(end));
+    }
+    Some([low, high])
 }
 
 /// Whether a source shines from beyond all surfaces.

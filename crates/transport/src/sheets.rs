@@ -42,7 +42,7 @@ pub(crate) fn warning(scene: &PreparedScene) -> Option<String> {
 }
 
 /// Whether light that passes a surface goes on within a body that changes it.
-fn is_solid(material: &Material) -> bool {
+pub(crate) fn is_solid(material: &Material) -> bool {
     let changes_light = !is_matched(material.ior) || material.attenuation_distance.is_finite();
     !material.unlit && material.transmission > 0.0 && material.thickness > 0.0 && changes_light
 }

@@ -143,8 +143,12 @@ pub struct Spared {
     pub empty_pixels: u32,
     /// Materials that are diffuse and nothing else.
     pub diffuse_materials: u32,
+    /// Share of the area of all surfaces that such materials have.
+    pub diffuse_share: f32,
     /// Triangles that rays pass without asking for alpha.
     pub opaque_triangles: u32,
+    /// Share of the area of all surfaces that these have.
+    pub opaque_share: f32,
     /// Sources of the basis that nothing is lit by, in order.
     pub dark_sources: Vec<u32>,
     /// Share of the later connections that is left out as they carry little, in a few pixels.

@@ -134,7 +134,7 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
         "furnace_loss": furnace.map(|loss| json!({
             "materials": loss.n_materials, "at_most": loss.at_most, "without_compensation": loss.single,
         })),
-        "skipped": spared.as_ref().map(|spared| skipped(spared, &keys)),
+        "skipped": spared.as_ref().map(|spared| skipped(spared, sources)),
         "unsupported": report.unsupported,
         "warnings": console.warnings(),
     });
@@ -152,25 +152,29 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
         line_of("mirror a part of the light, which moved and added lamps lack", &mirroring),
         line_of("variants", &report.variants),
         furnace.map_or(String::new(), furnace_words),
-        line_of("needless", &spared.map_or(Vec::new(), |spared| skipped_words(&spared, &keys))),
+        line_of("needless", &spared.map_or(Vec::new(), |spared| skipped_words(&spared, sources))),
         listed(&report.unsupported),
     );
     Ok(Answer { json, words })
 }
 
 /// Work that a scene does not need; the lights are those that reach nothing of what its first camera sees.
-fn skipped(spared: &Spared, keys: &[&str]) -> Value {
+fn skipped(spared: &Spared, sources: &[LightSource]) -> Value {
+    let n_dark_columns: usize = dark_lights(spared, sources).map(|source| source.columns.len()).sum();
     json!({
-        "diffuse_materials": spared.diffuse_materials, "opaque_triangles": spared.opaque_triangles,
-        "idle_images": spared.idle_images, "idle_image_bytes": spared.idle_bytes, "dark_lights": dark_lights(spared, keys),
+        "diffuse_materials": spared.diffuse_materials, "random_numbers_saved_per_hit": spared.diffuse_share,
+        "opaque_triangles": spared.opaque_triangles, "alpha_tests_saved_per_hit": spared.opaque_share,
+        "idle_images": spared.idle_images, "idle_image_bytes": spared.idle_bytes,
+        "dark_lights": dark_lights(spared, sources).map(|source| source.key.as_str()).collect::<Vec<_>>(),
+        "connections_saved_per_sample": n_dark_columns,
     })
 }
 
-fn dark_lights<'k>(spared: &Spared, keys: &[&'k str]) -> Vec<&'k str> {
-    spared.dark_sources.iter().filter_map(|&source| keys.get(source as usize).copied()).collect()
+fn dark_lights<'s>(spared: &'s Spared, sources: &'s [LightSource]) -> impl Iterator<Item = &'s LightSource> {
+    spared.dark_sources.iter().filter_map(move |&source| sources.get(source as usize))
 }
 
-fn skipped_words(spared: &Spared, keys: &[&str]) -> Vec<String> {
+fn skipped_words(spared: &Spared, sources: &[LightSource]) -> Vec<String> {
     let counted = [
         (spared.diffuse_materials, "coats of", "materials that are diffuse alone"),
         (spared.opaque_triangles, "the alpha of", "triangles"),
@@ -181,7 +185,7 @@ fn skipped_words(spared: &Spared, keys: &[&str]) -> Vec<String> {
         .filter(|(count, ..)| *count > 0)
         .map(|(count, what, whose)| format!("{what} {count} {whose}"))
         .collect();
-    let dark = dark_lights(spared, keys);
+    let dark: Vec<&str> = dark_lights(spared, sources).map(|source| source.key.as_str()).collect();
     if !dark.is_empty() {
         words.push(format!("the light of {}, of which the first camera sees nothing", dark.join(", ")));
     }
@@ -431,9 +435,13 @@ mod tests {
         let (basis, spared) = lights_of(scene, 0, MOST_TRIANGLES, &mut console);
         let spared = spared.expect("it is prepared");
         let keys: Vec<&str> = basis.sources.iter().map(|source| source.key.as_str()).collect();
-        assert_eq!(skipped(&spared, &keys)["diffuse_materials"], 1);
-        assert_eq!(skipped(&spared, &keys)["dark_lights"], json!([]));
-        let words = skipped_words(&Spared { dark_sources: vec![0], ..spared }, &keys).join(", ");
+        let told = skipped(&spared, &basis.sources);
+        assert_eq!((&told["diffuse_materials"], &told["random_numbers_saved_per_hit"]), (&json!(1), &json!(1.0)));
+        assert_eq!((&told["dark_lights"], &told["connections_saved_per_sample"]), (&json!([]), &json!(0)));
+        assert_eq!(told["alpha_tests_saved_per_hit"], json!(1.0));
+        let dark = Spared { dark_sources: vec![0], ..spared };
+        assert_eq!(skipped(&dark, &basis.sources)["connections_saved_per_sample"], json!(1));
+        let words = skipped_words(&dark, &basis.sources).join(", ");
         assert!(
             words.contains("coats of 1 materials") && words.contains(&format!("the light of {}", keys[0])),
             "{words}"

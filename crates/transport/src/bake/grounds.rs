@@ -8,8 +8,10 @@ use super::{BakeHeader, BakeJob};
 use crate::basis::LightBasis;
 use crate::camera::Camera;
 use crate::emitters::{Emitter, Lighting, ShiningTriangle};
-use crate::fingerprint::{digest, of_surfaces, of_texture};
+use crate::fingerprint::{digest, of_surfaces, of_surfaces_without, of_texture};
+use crate::irradiance::IrradianceRows;
 use crate::prepared::PreparedScene;
+use crate::reach::shut_out;
 use crate::scene::{PunctualLight, Scene, TextureRef};
 use crate::skips::Skip;
 
@@ -19,6 +21,9 @@ use crate::skips::Skip;
 pub struct Grounds {
     /// Of the surfaces and how they scatter.
     pub surfaces: String,
+    /// Of those that are left where closed walls around the camera keep others from all that it sees; `None` where they keep out none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seen: Option<String>,
     /// Of the camera, whatever it is called, and the size of the picture.
     pub view: String,
     /// Of the settings, the skips and the version of the program.
@@ -33,7 +38,8 @@ const OFF: &str = "off-";
 impl Grounds {
     /// A hash of all but the lights: bakes that share it may have columns in common.
     pub fn common(&self) -> String {
-        hash_of([&self.surfaces[..], &self.view, &self.settings].concat().as_bytes())
+        let surfaces = self.seen.as_ref().unwrap_or(&self.surfaces);
+        hash_of([&surfaces[..], &self.view, &self.settings].concat().as_bytes())
     }
 }
 
@@ -44,8 +50,10 @@ impl BakeJob {
         let settings = (env!("CARGO_PKG_VERSION"), &self.config, skips);
         let settings = serde_json::to_vec(&settings).expect("settings always have a JSON form");
         let (n_lights, maps) = (self.scene.lighting.emitters.len(), maps_of_lights(&self.scene.scene));
+        let out = shut_out(&self.scene, self.camera.position());
         Grounds {
             surfaces: of_surfaces(&self.scene.scene),
+            seen: out.map(|out| of_surfaces_without(&self.scene.scene, &out)),
             view: self.view(""),
             settings: hash_of(&settings),
             lights: (0..n_lights).map(|source| of_light(&self.scene, &maps, source)).collect(),
@@ -55,6 +63,12 @@ impl BakeJob {
     /// A hash of its camera, called so, and of the size of its picture and blocks.
     fn view(&self, name: &str) -> String {
         hash_of_view(&self.camera.called(name), [self.film.width, self.film.height, self.config.block])
+    }
+
+    /// Whether an earlier bake rests on the surfaces that its columns rest on. Points of grids may lie beyond walls.
+    pub(super) fn has_surfaces_of(&self, there: &Grounds, wanted: &Grounds) -> bool {
+        let sees_alone = self.irradiance.iter().all(|rows| *rows == IrradianceRows::Pixels);
+        there.surfaces == wanted.surfaces || (sees_alone && wanted.seen.is_some() && there.seen == wanted.seen)
     }
 
     /// Whether an earlier bake, which rests on `there`, is of the same view. Files of before count the name of its camera.

@@ -89,7 +89,7 @@ impl BakeJob {
         for (is_other, why) in [
             (there.settings != wanted.settings, NothingKept::Settings),
             (!self.has_view_of(&earlier.header, there), NothingKept::View),
-            (there.surfaces != wanted.surfaces, NothingKept::Surfaces),
+            (!self.has_surfaces_of(there, &wanted), NothingKept::Surfaces),
         ] {
             if is_other {
                 return Err(why);

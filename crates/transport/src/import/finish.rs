@@ -9,7 +9,9 @@ use serde_json::{Map, Value};
 
 use super::document::plain_use;
 use super::material::Converter;
-use crate::scene::{Encoding, Finish, TextureRef};
+use super::missing::called;
+use super::report::Notes;
+use crate::scene::{Encoding, Finish, Material, TextureRef};
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
@@ -56,6 +58,22 @@ struct DiffuseTransmission {
     diffuse_transmission_texture: Option<Info>,
     diffuse_transmission_color_factor: Option<[f32; 3]>,
     diffuse_transmission_color_texture: Option<Info>,
+}
+
+/// Tells where layers differ from what their extensions say.
+pub(super) fn note_layers(materials: &[Material], notes: &mut Notes) {
+    for material in materials {
+        let Some(finish) = material.finish.as_ref().filter(|finish| finish.clearcoat > 0.0) else { continue };
+        if material.is_emitter() {
+            notes.unsupported(format!("{}: what shines below its clear coat is not dimmed by it", called(material)));
+        }
+        if finish.sheen_color != Vec3::ZERO {
+            notes.unsupported(format!(
+                "{}: its clear coat and sheen differ from their extensions at grazing angles, so that no light is made",
+                called(material)
+            ));
+        }
+    }
 }
 
 impl Converter<'_> {

@@ -18,10 +18,7 @@ pub(super) fn leave_out(materials: &mut [Material], missing: &BTreeSet<u32>, not
         if lost.maps.is_empty() {
             continue;
         }
-        let name = match material.name.as_str() {
-            "" => "a material without a name".to_owned(),
-            name => format!("material \"{name}\""),
-        };
+        let name = called(material);
         let is_dark = shone && !material.is_emitter();
         let dark = if is_dark { ", and it does not shine" } else { "" };
         let maps = lost.maps.join(", ");
@@ -31,6 +28,14 @@ pub(super) fn leave_out(materials: &mut [Material], missing: &BTreeSet<u32>, not
         }
     }
     put_out
+}
+
+/// A material in a line of the report.
+pub(super) fn called(material: &Material) -> String {
+    match material.name.as_str() {
+        "" => "a material without a name".to_owned(),
+        name => format!("material \"{name}\""),
+    }
 }
 
 /// Maps of a material that are missing.

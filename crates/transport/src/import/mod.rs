@@ -320,6 +320,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, choice: &Choice) -> Resul
     scene.textures = decoded.textures;
     scene.dark_materials = missing::leave_out(&mut scene.materials, &decoded.missing, &mut notes);
     scene.dark_materials.extend(dark::put_out(&mut scene.materials, &scene.textures));
+    finish::note_layers(&scene.materials, &mut notes);
     opaque::settle(&mut scene);
     assemble::note_instances(&reader, &scene, &placed, &indices, &mut notes);
     note_ranges(&scene, &ranged, &mut notes);

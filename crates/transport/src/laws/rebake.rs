@@ -19,8 +19,8 @@ use crate::irradiance::IrradianceRows;
 use crate::light::LightRig;
 use crate::matrix::CHANNELS;
 use crate::prepared::PreparedScene;
-use crate::scene::{Encoding, Filter, Image, Scene, Texture, TextureRef, Wrap};
-use crate::sensors::{IrradianceRequest, OfFile, WorkPlane};
+use crate::scene::{AlphaMode, Encoding, Filter, Image, Scene, Texture, TextureRef, Wrap};
+use crate::sensors::{IrradianceRequest, OfFile, SensorGrid, WorkPlane};
 use crate::skips::{Skip, Skips};
 
 const FILM: Film = Film { width: 48, height: 32 };
@@ -126,7 +126,10 @@ fn a_new_lamp_is_traced_alone_and_the_other_columns_stay_to_the_last_bit() {
     let earlier = baked(job(scene(|_| {})));
     let (again, n_traced) = rebaked(job(scene(add_lamp)), &earlier);
     assert_eq!(n_traced, 1);
-    assert_eq!(again.figures().skipped.reused_columns, 19);
+    let skipped = again.figures().skipped;
+    assert_eq!(skipped.reused_columns, 19);
+    assert!(skipped.reused_connections_saved >= 19.0 * FILM.n_pixels() as f64, "{skipped:?}");
+    assert_eq!(earlier.figures().skipped.reused_connections_saved, 0.0);
     assert_eq!(again.header.column_error.len(), again.header.basis.n_cols(), "errors of old and new columns");
     for key in OLD {
         assert!((0..2).all(|matrix| column(&again, matrix, key) == column(&earlier, matrix, key)), "{key}");
@@ -215,6 +218,54 @@ fn what_every_column_sees_is_never_taken_over_when_it_has_changed() {
     assert_eq!(why(job(scene(others))), Some(NothingKept::Lights), "a uniform sky is none of them");
     let unknown = Bake { packed: None, ..earlier.clone() };
     assert_eq!(plain().reuse(&unknown).err(), Some(NothingKept::Unknown));
+}
+
+/// The same with a leaf at a place, and walls of some transparency.
+fn with_leaf(at: Vec3, walls: AlphaMode) -> BakeJob {
+    let job = job(scene(|scene| {
+        scene.materials[0].alpha = walls;
+        let mesh = &mut scene.mesh;
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend([at, at + 0.2 * Vec3::Z, at + 0.2 * Vec3::X]);
+        mesh.normals.extend([Vec3::Y; 3]);
+        mesh.triangles.push([first, first + 1, first + 2]);
+        mesh.triangle_material.push(1);
+        mesh.triangle_node.push(1);
+    }));
+    BakeJob { config: BakeConfig { spp: 4, ..job.config.clone() }, ..job }
+}
+
+#[test]
+fn what_moves_behind_closed_walls_needs_no_rays_for_what_the_camera_sees() {
+    let [beside, above, inside] = [Vec3::new(2.0, 0.1, 0.0), Vec3::new(0.1, 3.0, 0.2), Vec3::new(0.3, 0.2, 0.1)];
+    let closed = |at: Vec3| with_leaf(at, AlphaMode::Opaque);
+    let earlier = baked(closed(beside));
+    let (again, n_traced) = rebaked(closed(above), &earlier);
+    assert_eq!((n_traced, again.irradiance.len()), (0, 1));
+    assert!(again.groups == earlier.groups && again.irradiance == earlier.irradiance);
+    assert_ne!(again.header.fingerprint, earlier.header.fingerprint);
+    let common = |job: &BakeJob| job.grounds().common();
+    assert_eq!(common(&closed(beside)), common(&closed(above)), "a cache finds the one beside the other");
+
+    // What comes in, or goes out, is met by light, and so are points of grids outside.
+    let why = |job: BakeJob, earlier: &Bake| job.reuse(earlier).err();
+    assert_eq!(why(closed(inside), &earlier), Some(NothingKept::Surfaces));
+    assert_eq!(why(closed(beside), &baked(closed(inside))), Some(NothingKept::Surfaces));
+    let grid = SensorGrid {
+        name: "grid".into(),
+        origin: Vec3::new(-0.4, -0.5, -0.4),
+        u_edge: Vec3::X * 0.5,
+        v_edge: Vec3::NEG_Z * 0.5,
+        normal: Vec3::Y,
+        size: [2, 2],
+        left_out: Vec::new(),
+    };
+    let irradiance = vec![IrradianceRows::Pixels, IrradianceRows::Grid(grid)];
+    assert_eq!(why(BakeJob { irradiance, ..closed(above) }, &earlier), Some(NothingKept::Surfaces));
+    // Through walls that let light pass all of it counts.
+    let open = |at: Vec3| with_leaf(at, AlphaMode::Blend);
+    assert!(open(beside).grounds().seen.is_none());
+    assert_eq!(why(open(above), &baked(open(beside))), Some(NothingKept::Surfaces));
 }
 
 #[test]

@@ -124,6 +124,7 @@ fn a_diffuse_surface_without_its_lobes_scatters_as_with_them() {
     let scene = Stage::new(inside()).surface("walls", &room(HALF), lambert(0.7, 0.0)).lamp("lamp", Vec3::ZERO, 1.0);
     let [with, without] = pair(&scene.prepared().scene, None, Skip::Lobes);
     assert!(with.spared().diffuse_materials == 1 && without.spared().diffuse_materials == 0);
+    assert!(with.spared().diffuse_share == 1.0 && without.spared().diffuse_share == 0.0);
     let ray = crate::bvh::Ray { origin: Vec3::ZERO, direction: Vec3::NEG_Y, t_min: 0.0, t_max: 9.0 };
     let hit = with.closest(&ray, &mut crate::sampler::Sampler::new(0, 0, 0)).expect("the floor");
     for (wo, wi) in [(Vec3::Y, Vec3::new(0.6, 0.8, 0.0)), (Vec3::new(0.0, 0.1, 0.995), Vec3::Y)] {
@@ -132,6 +133,8 @@ fn a_diffuse_surface_without_its_lobes_scatters_as_with_them() {
     }
     let [a, b] = [&with, &without].map(|scene| traced(scene, 32, 1));
     assert_same_mean(&a, &b, 5e-3, "the picture with all lobes");
+    let [saved, none] = [with, without].map(|scene| baked(scene, 4, 20.0).figures().skipped.random_numbers_saved);
+    assert!(saved >= FILM.n_pixels() as f64 && none == 0.0, "{saved}");
 }
 
 #[test]
@@ -144,11 +147,16 @@ fn opaque_surfaces_are_there_whether_or_not_they_are_asked() {
         .lamp("lamp", Vec3::new(0.2, 0.5, -0.8), 1.0);
     let [with, without] = pair(&stage.prepared().scene, None, Skip::Alpha);
     assert!(with.spared().opaque_triangles == 12 && without.spared().opaque_triangles == 0);
+    // The walls have 23.68 m², the leaf 1 and the pane a quarter.
+    let share = with.spared().opaque_share;
+    assert!((share - 23.68 / 24.93).abs() < 1e-3 && without.spared().opaque_share == 0.0, "{share}");
     // The same rays; only where two triangles meet may rounding choose the other one.
     let [a, b] = [&with, &without].map(|scene| traced(scene, 2, 1));
     let differing = a.iter().zip(&b).filter(|(a, b)| (*a - *b).abs() > 1e-4 * b.abs()).count();
     assert!(differing * 50 < a.len(), "{differing} of {} pixels differ", a.len());
     assert_same_mean(&a, &b, 5e-3, "the picture with alpha asked everywhere");
+    let [saved, none] = [with, without].map(|scene| baked(scene, 4, 20.0).figures().skipped.alpha_tests_saved);
+    assert!(saved >= 0.9 * FILM.n_pixels() as f64 && none == 0.0, "{saved}");
 }
 
 /// A closed room, turned so that no wall lies along an axis, with a lamp in it.
@@ -299,6 +307,11 @@ fn patches_that_pilots_saw_nothing_of_lose_no_light() {
     };
     let all = light(Skips::default().without(Skip::UnseenPatches), 1);
     assert_same_mean(&light(Skips::default(), 1), &all, 2e-2, "connections to the patches that shine in");
+    let [with, without] = pair(&room_with_a_window(), Some(SkyForm::Patches(1)), Skip::UnseenPatches);
+    let [found, none] = [with, without].map(|scene| baked(scene, 4, 20.0).figures().skipped);
+    assert!(found.sky_patches > 20 && none.sky_patches == 0, "{found:?}");
+    let n_least = (found.sky_patches * (FILM.n_pixels() - found.empty_pixels)) as f64;
+    assert!(found.connections_saved >= n_least && none.connections_saved == 0.0, "{found:?}");
 }
 
 /// A closed room with a lamp and a panel.

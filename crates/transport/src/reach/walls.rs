@@ -35,6 +35,8 @@ const DIRECTIONS: [DVec3; 4] = [
 ];
 /// Distance from an edge, over the size of the triangle, below which a crossing says nothing.
 const UNSURE: f64 = 1e-7;
+/// Share of its size and of its coordinates by which a triangle lies beyond a room that no rounding brings in.
+const ASIDE: f64 = 1e-3;
 /// Shells that may be looked at; buildings have few, dishes on a table many.
 const MOST_SHELLS: usize = 4096;
 
@@ -76,6 +78,14 @@ impl Walls {
         self.shells.iter().any(|shell| shell.holds_eye == Some(true))
     }
 
+    /// Of each triangle of a mesh, whether it lies beyond one that the eye is inside of.
+    pub(super) fn shut_out(&self, mesh: &Mesh) -> Vec<bool> {
+        let rooms = self.shells.iter().filter(|shell| shell.holds_eye == Some(true));
+        let rooms: Vec<[DVec3; 2]> = rooms.map(|shell| [shell.low, shell.high]).collect();
+        let is_out = |triangle: u32| rooms.iter().any(|room| is_clear_of_box(mesh.corners(triangle), *room));
+        (0..mesh.triangles.len() as u32).map(is_out).collect()
+    }
+
     /// Whether a ball and the eye are on two sides of one.
     pub(super) fn keep_apart(&self, center: DVec3, radius: f64) -> bool {
         let radius = 1.0001 * radius + 1e-6 * (center - self.eye).length();
@@ -114,6 +124,13 @@ impl Shell {
         outside.length_squared() > radius * radius
             || self.triangles.iter().all(|corners| distance(corners, center) > radius)
     }
+}
+
+/// Whether a triangle lies clear of a box, beyond one of its sides.
+pub(super) fn is_clear_of_box(corners: [Vec3; 3], [low, high]: [DVec3; 2]) -> bool {
+    let margin = DVec3::splat(ASIDE * low.abs().max(high.abs()).max(high - low).max_element());
+    let [a, b, c] = corners.map(Vec3::as_dvec3);
+    a.max(b).max(c).cmplt(low - margin).any() || a.min(b).min(c).cmpgt(high + margin).any()
 }
 
 /// 1 where a ray crosses a triangle, 0 where it does not, `None` where it passes an edge or the point lies on the triangle.

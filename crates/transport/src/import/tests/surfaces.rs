@@ -343,7 +343,8 @@ fn layered_extensions_reach_the_finish() {
     });
     fixture.root["extensionsUsed"] = json!(extensions.as_object().expect("an object").keys().collect::<Vec<_>>());
     let imported = fixture.material(json!({"extensions": extensions})).load();
-    assert!(imported.report.unsupported.is_empty(), "{:?}", imported.report.unsupported);
+    let [line] = &imported.report.unsupported[..] else { panic!("{:?}", imported.report.unsupported) };
+    assert!(line.contains("clear coat and sheen differ from their extensions at grazing angles"), "{line}");
     let finish = imported.scene.materials[0].finish.as_ref().expect("a finish");
     assert_eq!((finish.clearcoat, finish.clearcoat_roughness, finish.clearcoat_normal_scale), (0.5, 0.25, 0.75));
     assert_eq!((finish.sheen_color, finish.sheen_roughness), (Vec3::new(0.1, 0.2, 0.3), 0.625));
@@ -358,6 +359,18 @@ fn layered_extensions_reach_the_finish() {
     }
     assert_eq!(finish.clearcoat_normal_texture.expect("given").uv_set, 1);
     assert!(!imported.scene.mesh.tangents.is_empty());
+}
+
+#[test]
+fn what_shines_below_a_clear_coat_and_is_not_dimmed_is_told() {
+    let told = |emission: Value, coat: f32| {
+        let extensions = json!({"KHR_materials_clearcoat": {"clearcoatFactor": coat}});
+        let material = json!({"name": "sign", "emissiveFactor": emission, "extensions": extensions});
+        Fixture::triangle().material(material).load().report.unsupported
+    };
+    let line = "material \"sign\": what shines below its clear coat is not dimmed by it";
+    assert_eq!(told(json!([1, 1, 1]), 1.0), [line]);
+    assert!(told(json!([0, 0, 0]), 1.0).is_empty() && told(json!([1, 1, 1]), 0.0).is_empty());
 }
 
 #[test]
