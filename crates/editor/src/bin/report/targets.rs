@@ -48,6 +48,8 @@ const BESIDE_NOISE: [Method; 3] = [Method::Svd, Method::Alg4(Core::PseudoInverse
 
 /// One method's results.
 type Results = Vec<(Method, Result<Coded>)>;
+/// A figure of what was judged.
+type Figure = fn(&Judged) -> f64;
 /// The text of a part, and its rows of the table of targets.
 type Told = (String, Goals);
 
@@ -253,7 +255,7 @@ fn noisy(desk: &Desk, path: &Path) -> Result<Told> {
             |value: &dyn Fn(&Judged) -> f64| words_of(others.iter(), &|coded| format!("{:.1}", value(&coded.judged)));
         let judged = &coded.judged;
         let at = |what: &str| format!("{what}, noisy halves of `mixed` asked for {target_db} dB");
-        let asked: [(&str, f64, fn(&Judged) -> f64); 2] = [
+        let asked: [(&str, f64, Figure); 2] = [
             ("dB reached", target_db, |judged| decibels(judged.mean_square())),
             ("worst block, dB", target_db - 4.0, Judged::worst_db),
         ];
