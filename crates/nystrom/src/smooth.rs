@@ -7,7 +7,7 @@
 //! numbers as there are bands. What a sharp edge needs keeps its weight, because both halves agree about it.
 //!
 //! **Decision.** One linear map of the whole block before anything is decomposed. **Refused:** weights for the components of
-//! a decomposition, left and right; noise has turned the weaker ones by then, and blocks of high rank stay 1 to 5 dB worse
+//! a decomposition; noise has turned the weaker ones by then, so that even the best weights are worse
 //! (`docs/decisions/0055-components-are-kept-or-dropped.md`).
 
 #[cfg(test)]

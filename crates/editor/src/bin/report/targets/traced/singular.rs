@@ -142,7 +142,8 @@ mod tests {
             let cut = singular.found(&traced, tolerance_db).unwrap();
             let found = traced.found((Method::Svd, 0), 768, tolerance_db).unwrap();
             assert_eq!(cut.mean_rank, found.mean_rank, "{tolerance_db} dB");
-            assert!((cut.db - found.db).abs() < 0.1 && cut.db > tolerance_db - 0.5, "{} {}", cut.db, found.db);
+            // Of two blocks, packing may make each 4 dB worse than asked.
+            assert!((cut.db - found.db).abs() < 0.1 && cut.db > tolerance_db - 4.0, "{} {}", cut.db, found.db);
         }
     }
 }
