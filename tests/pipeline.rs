@@ -207,6 +207,25 @@ fn how_a_bake_was_asked_for_stands_in_its_file() {
     assert_eq!((usual.0.as_u64(), blocks.as_u64()), (Some(4), Some(9)));
 }
 
+/// The singular value decomposition of the samples as they are, beside what is baked by default: noise is taken out of that, the
+/// samples are the same.
+#[test]
+fn the_yardstick_shows_the_picture_that_ours_shows() {
+    let desk = Desk::new();
+    for (name, how) in [("ours", ""), ("yardstick", "--method svd --exact")] {
+        desk.json(&format!("bake @room.glb -o @{name}.transport --size 32x32 --spp 64 {how}"));
+        desk.json(&format!("relight @{name}.transport -o @{name}.exr --device cpu"));
+    }
+    let config = &desk.json("info @yardstick.transport")["config"];
+    let told = ["method", "denoise", "smooth"].map(|name| config[name].clone());
+    assert_eq!(told, [json!("svd"), json!(false), json!(false)]);
+    let compared = desk.json("compare @yardstick.exr @ours.exr");
+    assert!(compared["relative_l2"].as_f64().unwrap() < 0.2, "{compared}");
+    for bias in compared["mean_bias"].as_array().unwrap() {
+        assert!(bias.as_f64().unwrap().abs() < 0.05, "{compared}");
+    }
+}
+
 #[test]
 fn compare_refuses_other_sizes_and_finds_no_difference_in_equals() {
     let desk = Desk::new();

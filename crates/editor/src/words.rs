@@ -1,6 +1,7 @@
 //! Errors and remarks as sentences.
 
 use anyhow::Error;
+use clerestory_transport::lamps::Lacking;
 
 /// An error and its causes; a cause that the sentence before already told is not repeated.
 pub fn in_words(error: &Error) -> String {
@@ -13,6 +14,14 @@ pub fn in_words(error: &Error) -> String {
     sentences.join(": ")
 }
 
+/// That a share of a lamp's light meets mirrors and clear glass, which throw it on unseen; `key` is the lamp's.
+pub fn caustics_words(key: &str, share: f32) -> String {
+    format!(
+        "`{key}` sends {:.0} % of its light onto mirrors and clear glass, whose caustics are not carried",
+        100.0 * share
+    )
+}
+
 /// That a share of a lamp's light is missing which panes and coats mirror; `key` is the lamp's.
 pub fn mirrored_words(key: &str, share: f32) -> String {
     format!(
@@ -21,9 +30,24 @@ pub fn mirrored_words(key: &str, share: f32) -> String {
     )
 }
 
+/// A sentence for each kind of light that a lamp lacks: caustics, and what panes and coats mirror.
+pub fn lacking_words(key: &str, lacking: &Lacking) -> [Option<String>; 2] {
+    let caustics = (lacking.caustic > 0.0).then(|| caustics_words(key, lacking.caustic));
+    let mirrored = (lacking.mirrored > 0.0).then(|| mirrored_words(key, lacking.mirrored));
+    [caustics, mirrored]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn light_that_a_lamp_lacks_is_told_by_its_kind() {
+        let lacking = Lacking { caustic: 0.17, mirrored: 0.0 };
+        let told = "`bulb` sends 17 % of its light onto mirrors and clear glass, whose caustics are not carried";
+        assert_eq!(lacking_words("bulb", &lacking), [Some(told.to_owned()), None]);
+        assert_eq!(lacking_words("bulb", &Lacking::default()), [None, None]);
+    }
 
     #[test]
     fn a_cause_that_was_told_is_not_told_again() {

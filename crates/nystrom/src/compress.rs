@@ -38,13 +38,13 @@ pub enum Tolerance {
 /// How many times what is allowed the noise of samples is that only divided columns are looked at.
 const HOPELESS: f64 = 8.0;
 
-/// Least share of a tolerance that is left to a dark block: 12 dB narrower.
-const LEAST_SHADE: f64 = 1.0 / 16.0;
+/// Least share of a tolerance that is left to a weak block: 12 dB tighter.
+const TIGHTEST: f64 = 1.0 / 16.0;
 
-/// Share of an absolute tolerance that is left to a block whose entries have some mean square. An error that nobody notices
-/// beside the peak of a matrix may be all there is in a dark block, so half of the distance in dB is made up for.
-pub fn shade(mean_square: f64, bright: f32) -> f64 {
-    if bright > 0.0 { (mean_square.max(0.0).sqrt() / f64::from(bright)).clamp(LEAST_SHADE, 1.0) } else { 1.0 }
+/// Share of an absolute tolerance that is left to a block whose entries have some mean square. An error that is nothing
+/// beside the largest entries of a matrix may be all there is in a weak block, so half of the distance in dB is made up for.
+pub fn tightness(mean_square: f64, strong: f32) -> f64 {
+    if strong > 0.0 { (mean_square.max(0.0).sqrt() / f64::from(strong)).clamp(TIGHTEST, 1.0) } else { 1.0 }
 }
 
 /// Columns that are compressed together.
@@ -65,7 +65,7 @@ pub struct ColumnGroup {
 /// How many samples each row gets, per half: `min`, then twice as many, until the tolerance is met.
 ///
 /// What one half's samples say decides how many the *other* half takes: the number of samples then knows nothing of the
-/// values they have, and the mean of each half is free of bias, however rare and bright a sample may be. A half's single
+/// values they have, and the mean of each half is free of bias, however rare and large a sample may be. A half's single
 /// sample does not tell how noisy it is; but where [colors are
 /// independent](crate::SampledMatrix::colors_are_independent), every other bundle of a block tells it of those between.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,6 +77,16 @@ pub struct SamplePlan {
     pub min: u32,
     /// Samples at most.
     pub max: u32,
+}
+
+/// What becomes of columns that are noisier than others where the samples of a block do not suffice for its tolerance.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NoisyColumns {
+    /// All are divided by their noise before the block is decomposed, so that a few noisy ones do not drown the others.
+    #[default]
+    Divided,
+    /// They are decomposed as they were sampled, for comparison.
+    AsSampled,
 }
 
 /// What is asked of [`compress`].
@@ -92,17 +102,19 @@ pub struct CompressConfig {
     pub method: Method,
     /// Greatest rank of a block, aside from the component that a preserved product may need, see [`ColumnGroup::preserved`].
     pub max_rank: u32,
-    /// Root mean square of the entries of a block from which on an absolute tolerance is taken as it is; darker blocks get the
-    /// rank that a narrower one asks for, see [`shade`]. 0: none does.
-    pub bright: f32,
+    /// Root mean square of the entries of a block from which on an absolute tolerance is taken as it is; weaker blocks get the
+    /// rank that a tighter one asks for, see [`tightness`]. 0: none does.
+    pub strong: f32,
     /// How rows and columns lie, where noise may be taken out of what is smooth: done with blocks whose error would otherwise
     /// be greater than asked, if the halves tell that it helps. With or without it such blocks are found in columns that are
-    /// divided by their noise, so that a few noisy ones do not drown the others; tolerances of a rank alone ask for neither. Without
+    /// divided by their noise, see [`NoisyColumns`]; tolerances of a rank alone ask for neither. Without
     /// it a block that samples do not suffice for may be farther from the matrix than the mean of its samples is: what is held
     /// against what is smoothing and none, never the samples themselves.
     pub smoothing: Option<Arc<Smoothing>>,
+    /// What becomes of columns that are noisier than others in such blocks.
+    pub noisy_columns: NoisyColumns,
     /// Groups of no more columns than that are kept as they were sampled, noise and all, each column a component of its own: for
-    /// pictures whose noise is taken out afterwards. 0: none is.
+    /// columns whose noise is taken out afterwards. 0: none is.
     pub verbatim: usize,
     /// The same seed gives the same factors.
     pub seed: u64,
@@ -116,8 +128,9 @@ impl Default for CompressConfig {
             selection: Selection::Alg4,
             method: Method::Projected,
             max_rank: 96,
-            bright: 0.0,
+            strong: 0.0,
             smoothing: None,
+            noisy_columns: NoisyColumns::default(),
             verbatim: 0,
             seed: 0,
         }
@@ -312,9 +325,12 @@ pub(crate) fn unpacked(
             return Ok(plain);
         }
     }
-    let level = Level::new(means, goal);
+    let level = match config.noisy_columns {
+        NoisyColumns::Divided => Level::new(means, goal),
+        NoisyColumns::AsSampled => Level::undivided(means),
+    };
     let (levelled, error) = factor_levelled((means, &level), samples.bundle_len, group, config, rng());
-    // Where rare bright samples are the noise, what is left out may seem less than nothing.
+    // Where rare large samples are the noise, what is left out may seem less than nothing.
     if levelled.truncation.max(0.0) + levelled.sampling <= goal {
         return Ok(levelled);
     }

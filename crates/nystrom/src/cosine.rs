@@ -42,7 +42,7 @@ pub(crate) enum Direction {
 struct Passing {
     before: Vec<f32>,
     after: Vec<f32>,
-    lit: Vec<usize>,
+    nonzero: Vec<usize>,
 }
 
 impl Cosines {
@@ -118,13 +118,13 @@ fn pass_rows(parities: &[Parity; 2], rows: &mut [&mut [f32]], direction: Directi
         }
     }
     for (passing, parity) in [&mut *even, &mut *odd].into_iter().zip(parities) {
-        let is_lit = |i: &usize| passing.before[i * n_cols..][..n_cols].iter().any(|x| *x != 0.0);
+        let is_nonzero = |i: &usize| passing.before[i * n_cols..][..n_cols].iter().any(|x| *x != 0.0);
         // Most cosines of a file are 0, many of them side by side.
-        passing.lit.clear();
-        passing.lit.extend((0..parity.len).filter(is_lit));
+        passing.nonzero.clear();
+        passing.nonzero.extend((0..parity.len).filter(is_nonzero));
         let left = if direction == Direction::Forward { &parity.forward } else { &parity.inverse };
-        let (right, lit) = (&passing.before, &passing.lit);
-        SmallProduct { left, right, n_inner: parity.len, lit, n_cols }.write(&mut passing.after);
+        let (right, nonzero) = (&passing.before, &passing.nonzero);
+        SmallProduct { left, right, n_inner: parity.len, nonzero, n_cols }.write(&mut passing.after);
     }
     if direction == Direction::Inverse {
         return unfold_rows(&even.after, &odd.after, rows);
@@ -182,12 +182,12 @@ fn pass_lines(
         if direction == Direction::Forward { fold(line, even, odd) } else { deal(line, even, odd) }
     }
     for (passing, parity) in [&mut *even, &mut *odd].into_iter().zip(parities) {
-        let is_lit = |i: &usize| passing.before.iter().skip(*i).step_by(parity.len).any(|x| *x != 0.0);
-        passing.lit.clear();
-        passing.lit.extend((0..parity.len).filter(is_lit));
+        let is_nonzero = |i: &usize| passing.before.iter().skip(*i).step_by(parity.len).any(|x| *x != 0.0);
+        passing.nonzero.clear();
+        passing.nonzero.extend((0..parity.len).filter(is_nonzero));
         let right = if direction == Direction::Forward { &parity.inverse } else { &parity.forward };
-        let (left, lit) = (&passing.before, &passing.lit);
-        SmallProduct { left, right, n_inner: parity.len, lit, n_cols: parity.len }.write(&mut passing.after);
+        let (left, nonzero) = (&passing.before, &passing.nonzero);
+        SmallProduct { left, right, n_inner: parity.len, nonzero, n_cols: parity.len }.write(&mut passing.after);
     }
     let halves = even.after.chunks_exact(of_even).zip(odd.after.chunks_exact(of_odd));
     for (line, (even, odd)) in lines.chunks_exact_mut(n).zip(halves) {

@@ -19,6 +19,26 @@ pub struct BlockError {
     pub noise: f32,
 }
 
+impl BlockError {
+    /// Standard deviation of `truncation + sampling` of a block of so many entries that was neither smoothed nor
+    /// [denoised](crate::Denoiser), when the noise is another one. Their sum is right in the mean and no bound: it is the inner
+    /// product of what two fits leave of their halves, an error e that they have in common and noise. With s the variance of the noise
+    /// of an entry of the mean, each half has noise of 2s, so the variance of that product is `4s²` per entry and `4s‖e‖²`.
+    pub fn deviation(&self, n_entries: usize) -> f64 {
+        let told = f64::from(self.truncation) + f64::from(self.sampling);
+        deviation(f64::from(self.noise), told, n_entries as f64)
+    }
+}
+
+/// The same in double precision: noise and what is told are mean squares per entry.
+pub(crate) fn deviation(noise: f64, told: f64, n_entries: f64) -> f64 {
+    2.0 * (noise * (noise + told.max(0.0)) / n_entries.max(1.0)).sqrt()
+}
+
+/// Octaves by which the largest number of a component lies above 1 as a half: rows far below one that is very large keep eleven bits, and
+/// noise in the same scale may still be greater than what it is the noise of.
+const ROOM: i32 = 8;
+
 /// One block of a matrix, compressed: `left · diag(scale) · right + sparse`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlockFactors {
@@ -168,14 +188,14 @@ impl BlockFactors {
     }
 
     /// Columns whose entries are all zero.
-    pub fn n_dark_columns(&self) -> usize {
+    pub fn n_zero_columns(&self) -> usize {
         let n_cols = self.n_cols as usize;
-        let mut is_lit = vec![false; n_cols];
+        let mut is_held = vec![false; n_cols];
         for row in self.right.chunks(n_cols.max(1)) {
-            is_lit.iter_mut().zip(row).for_each(|(lit, x)| *lit |= x.to_f32() != 0.0);
+            is_held.iter_mut().zip(row).for_each(|(held, x)| *held |= x.to_f32() != 0.0);
         }
-        self.sparse.iter().for_each(|entry| is_lit[entry.col as usize] = true);
-        is_lit.into_iter().filter(|lit| !lit).count()
+        self.sparse.iter().for_each(|entry| is_held[entry.col as usize] = true);
+        is_held.into_iter().filter(|held| !held).count()
     }
 
     /// Memory that factors and sparse entries take, in bytes.
@@ -186,9 +206,11 @@ impl BlockFactors {
     }
 }
 
-/// [`exponent`] of each column of a row-major matrix.
+/// Powers of two that columns of a row-major matrix are divided by: their largest magnitudes come into [2^ROOM, 2^(ROOM + 1)), where
+/// single precision holds what they are multiplied with again.
 fn exponents_of_columns(values: &[f32], n_cols: usize) -> Vec<i32> {
-    (0..n_cols).map(|col| exponent(values.iter().skip(col).step_by(n_cols))).collect()
+    let room = |exponent: i32| exponent - ROOM.min((exponent - (f32::MIN_EXP - 1)).max(0));
+    (0..n_cols).map(|col| room(exponent(values.iter().skip(col).step_by(n_cols)))).collect()
 }
 
 /// 2^exponent: below what single precision holds 0, above the greatest power.
@@ -229,6 +251,15 @@ mod tests {
     use crate::random::Random;
 
     #[test]
+    fn what_is_told_deviates_by_its_noise_and_less_over_more_entries() {
+        let error = BlockError { truncation: 0.75, sampling: 0.75, noise: 0.5 };
+        assert_eq!([error.deviation(4), error.deviation(16), error.deviation(0)], [1.0, 0.5, 2.0]);
+        // What is left out may seem less than nothing.
+        assert_eq!(BlockError { truncation: -9.0, ..error }.deviation(4), 0.5);
+        assert_eq!(BlockError { noise: 0.0, ..error }.deviation(4), 0.0);
+    }
+
+    #[test]
     fn packing_keeps_eleven_bits_at_every_magnitude() {
         let mut rng = Random::new([11, 0]);
         for magnitude in [1e-40f32, 1e-30, 1e-12, 1e-6, 1.0, 3.7e5, 1e12, 1e30] {
@@ -254,7 +285,7 @@ mod tests {
                 assert!((f64::from(got) - f64::from(x)).abs() <= rounding && zero == 0.0, "{x:e}: {factors:?}");
             }
         }
-        // What no number of single precision is, is dark or large, and nothing else.
+        // What no number of single precision is, is zero or large, and nothing else.
         assert_eq!(BlockFactors::from_f32(&[1e-40], &[1e-40], 1, 1, 1).entry(0, 0), 0.0);
         let beyond = BlockFactors::from_f32(&[f32::MAX, 0.0], &[f32::MAX], 2, 1, 1);
         assert!(beyond.entry(0, 0) > 1e38 && beyond.entry(1, 0) == 0.0, "{beyond:?}");
@@ -305,6 +336,22 @@ mod tests {
     }
 
     #[test]
+    fn a_row_a_million_times_as_large_leaves_the_others_their_digits() {
+        let mut rng = Random::new([14, 0]);
+        let (n_rows, n_cols) = (32, 40);
+        let mut left: Vec<f32> = (0..n_rows).map(|_| 1.0 + rng.unit() as f32).collect();
+        left[0] *= 1e6;
+        let factors = BlockFactors::from_f32(&left, &orthonormal(&mut rng, 1, n_cols), n_rows, n_cols, 1);
+        for (x, half) in left.iter().zip(&factors.left) {
+            let got = half.to_f32() / factors.left[0].to_f32() * left[0];
+            assert!((got / x - 1.0).abs() < 1e-3, "{got} for {x}");
+        }
+        // Noise in the same scale may be greater than the largest row.
+        let doubt: Vec<f32> = left.iter().map(|x| 50.0 * x).collect();
+        assert!(factors.with_doubt(&doubt, &left).doubt.iter().all(|x| x.is_finite()));
+    }
+
+    #[test]
     fn columns_that_are_taken_out_keep_their_entries() {
         let mut rng = Random::new([12, 0]);
         let mut values = |n: usize| (0..n).map(|_| rng.normal()).collect::<Vec<f32>>();
@@ -313,7 +360,7 @@ mod tests {
         factors.sparse = vec![entry(1, 0), entry(1, 4), entry(2, 3)];
         factors.column_errors = vec![0.0, 1.0, 2.0, 3.0, 4.0];
         let some = factors.with_columns(&[4, 0, 2]);
-        assert_eq!((some.n_cols, some.sparse.len(), some.n_dark_columns()), (3, 2, 0));
+        assert_eq!((some.n_cols, some.sparse.len(), some.n_zero_columns()), (3, 2, 0));
         assert_eq!(some.column_errors, [4.0, 0.0, 2.0]);
         for row in 0..4 {
             for (at, col) in [4, 0, 2].into_iter().enumerate() {
@@ -330,7 +377,7 @@ mod tests {
         assert_eq!([factors.entry(0, 1), factors.entry(1, 1)], [0.5, 21.0]);
         let half = BlockFactors::from_f32(&[1.0, 2.0], &[0.0, 3.0, 0.0], 2, 3, 1);
         let entry = SparseEntry { row: 1, col: 2, value: 1.0 };
-        assert_eq!((half.n_dark_columns(), BlockFactors { sparse: vec![entry], ..half }.n_dark_columns()), (2, 1));
+        assert_eq!((half.n_zero_columns(), BlockFactors { sparse: vec![entry], ..half }.n_zero_columns()), (2, 1));
         assert_eq!(factors.n_bytes(), 2 * 5 + 4 + 24);
     }
 }

@@ -126,7 +126,7 @@ impl<'a> Growth<'a> {
     }
 
     /// Adds the bundles of which most is left, if that is more than their noise and more than the tolerance leaves to all:
-    /// a lone highlight is found here, whatever k-means made of it. False if there is none.
+    /// a lone odd row is found here, whatever k-means made of it. False if there is none.
     pub(crate) fn add_missed(&mut self, goal: f64) -> bool {
         let total = self.rest();
         if total <= goal * self.n_others() as f64 {

@@ -1,4 +1,4 @@
-//! Which rows and columns speak for a block: four ways to choose, three of them by k-means.
+//! Which rows and columns speak for a block: four ways to choose, three of them by k-means, and a variant of one.
 //!
 //! Rows are chosen in whole bundles. Later rounds weigh each bundle by what the landmarks so far leave of it, so that a lone
 //! odd row is found.
@@ -18,6 +18,9 @@ pub enum Selection {
     /// k-means over those; the first columns are no landmarks.
     #[default]
     Alg4,
+    /// The same with columns of both rounds: half of the columns at random, half of the rows by k-means over them, the other columns by
+    /// k-means over these rows, and the other rows by k-means over those.
+    Alg4Union,
 }
 
 /// The landmarks of a block.
@@ -69,7 +72,7 @@ pub(crate) fn choose_from<T: Real>(
     match selection {
         Selection::Alg1 => {
             let bundles = candidates.random_bundles(n_bundles, rng);
-            let columns = candidates.columns_by_means(&bundles, n_columns, rng);
+            let columns = candidates.columns_by_means(&bundles, &[], n_columns, rng);
             Landmarks { bundles, columns }
         }
         Selection::Alg2 => {
@@ -82,6 +85,7 @@ pub(crate) fn choose_from<T: Real>(
             Landmarks { bundles, columns: rng.choose(&all_columns, n_columns) }
         }
         Selection::Alg4 => candidates.alternate(n_bundles, n_columns, rng),
+        Selection::Alg4Union => candidates.alternate_united(n_bundles, n_columns, rng),
     }
 }
 
@@ -90,14 +94,36 @@ impl<T: Real> Candidates<'_, T> {
     fn alternate(&self, n_bundles: usize, n_columns: usize, rng: &mut Random) -> Landmarks {
         let all_columns: Vec<usize> = (0..self.n_cols).collect();
         let first_columns = rng.choose(&all_columns, N_FIRST_COLUMNS.max(n_columns / 2));
-        let mut bundles = self.bundles_by_means(&first_columns, n_bundles.div_ceil(2), rng);
-        let columns = self.columns_by_means(&bundles, n_columns, rng);
+        let bundles = self.bundles_by_means(&first_columns, n_bundles.div_ceil(2), rng);
+        let columns = self.columns_by_means(&bundles, &[], n_columns, rng);
+        Landmarks { bundles: self.with_others(bundles, &columns, n_bundles, rng), columns }
+    }
+
+    /// Algorithm 4 with the columns of both rounds united as well, in the same numbers.
+    fn alternate_united(&self, n_bundles: usize, n_columns: usize, rng: &mut Random) -> Landmarks {
+        let all_columns: Vec<usize> = (0..self.n_cols).collect();
+        let mut columns = rng.choose(&all_columns, n_columns.div_ceil(2));
+        let bundles = self.bundles_by_means(&columns, n_bundles.div_ceil(2), rng);
+        let others = self.columns_by_means(&bundles, &columns, n_columns - columns.len(), rng);
+        let bundles = self.with_others(bundles, &others, n_bundles, rng);
+        columns.extend(others);
+        Landmarks { bundles, columns }
+    }
+
+    /// Bundles, and as many more by k-means over some columns as are missing.
+    fn with_others(
+        &self,
+        mut bundles: Vec<usize>,
+        columns: &[usize],
+        n_bundles: usize,
+        rng: &mut Random,
+    ) -> Vec<usize> {
         let rest: Vec<usize> = (0..self.bundles.len()).filter(|&i| !bundles.contains(&self.bundles[i])).collect();
         let rest_bundles: Vec<usize> = rest.iter().map(|&i| self.bundles[i]).collect();
         let rest_weights: Vec<f32> = rest.iter().map(|&i| self.weights[i]).collect();
         let others = Candidates { bundles: &rest_bundles, weights: &rest_weights, ..*self };
-        bundles.extend(others.bundles_by_means(&columns, n_bundles - bundles.len(), rng));
-        Landmarks { bundles, columns }
+        bundles.extend(others.bundles_by_means(columns, n_bundles - bundles.len(), rng));
+        bundles
     }
 
     fn random_bundles(&self, count: usize, rng: &mut Random) -> Vec<usize> {
@@ -116,8 +142,8 @@ impl<T: Real> Candidates<'_, T> {
         representatives(&points, self.weights, count, rng).into_iter().map(|i| self.bundles[i]).collect()
     }
 
-    /// Clusters columns by what they hold in all rows of some bundles.
-    fn columns_by_means(&self, bundles: &[usize], count: usize, rng: &mut Random) -> Vec<usize> {
+    /// Clusters columns by what they hold in all rows of some bundles; those that are known are not chosen again.
+    fn columns_by_means(&self, bundles: &[usize], known: &[usize], count: usize, rng: &mut Random) -> Vec<usize> {
         let rows: Vec<usize> =
             bundles.iter().flat_map(|&bundle| bundle * self.bundle_len..(bundle + 1) * self.bundle_len).collect();
         let mut data = Vec::with_capacity(self.n_cols * rows.len());
@@ -125,7 +151,9 @@ impl<T: Real> Candidates<'_, T> {
             data.extend(rows.iter().map(|row| self.values[row * self.n_cols + col]));
         }
         let points = Dense { n_rows: self.n_cols, n_cols: rows.len(), data };
-        representatives(&points, &vec![1.0; self.n_cols], count, rng)
+        let mut weights = vec![1.0; self.n_cols];
+        known.iter().for_each(|&col| weights[col] = 0.0);
+        representatives(&points, &weights, count, rng)
     }
 }
 
@@ -142,7 +170,8 @@ mod tests {
         weights[0] = 0.0;
         let candidates =
             Candidates { values: &values, n_cols: 40, bundle_len: 3, bundles: &bundles, weights: &weights };
-        for selection in [Selection::Alg1, Selection::Alg2, Selection::Alg3, Selection::Alg4] {
+        let algorithms = [Selection::Alg1, Selection::Alg2, Selection::Alg3, Selection::Alg4, Selection::Alg4Union];
+        for selection in algorithms {
             let Landmarks { bundles: mut chosen, mut columns } = choose(&candidates, selection, 8, 12, [1, 2]);
             assert!(chosen.len() == 8 && columns.len() == 12, "{selection:?}: {chosen:?} {columns:?}");
             assert!(chosen.iter().all(|i| i % 7 != 0 && *i != bundles[0]), "{selection:?}: {chosen:?}");

@@ -241,31 +241,31 @@ fn truncation_takes_noise_away() {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Picture {
+enum Kind {
     /// Smooth, low rank.
     Smooth,
-    /// The same, and one to three pixels that hold a highlight.
-    Highlights,
-    /// A long spectrum: lights that vanish one after the other behind an edge.
-    Shadows,
+    /// The same, and one to three bundles that hold far more than the others.
+    LoneBundles,
+    /// A long spectrum: columns that begin at one row after the other, along an edge.
+    Edge,
 }
 
-/// 256 pixels × 256 lights of three channels.
-fn picture(kind: Picture, rng: &mut Random) -> Dense<f32> {
+/// 256 bundles of three rows × 256 columns.
+fn of_kind(kind: Kind, rng: &mut Random) -> Dense<f32> {
     let mut truth = decaying(768, 256, 3, 0.3, rng);
     truth.data.iter_mut().for_each(|x| *x *= 0.3);
     match kind {
-        Picture::Smooth => {}
-        Picture::Highlights => {
+        Kind::Smooth => {}
+        Kind::LoneBundles => {
             for _ in 0..1 + rng.below(3) {
-                let pixel = rng.below(256);
-                let lights: Vec<f32> = (0..256).map(|_| rng.normal().max(0.0) * 8.0).collect();
-                for row in pixel * 3..pixel * 3 + 3 {
-                    truth.row_mut(row).iter_mut().zip(&lights).for_each(|(x, light)| *x += light);
+                let bundle = rng.below(256);
+                let added: Vec<f32> = (0..256).map(|_| rng.normal().max(0.0) * 8.0).collect();
+                for row in bundle * 3..bundle * 3 + 3 {
+                    truth.row_mut(row).iter_mut().zip(&added).for_each(|(x, added)| *x += added);
                 }
             }
         }
-        Picture::Shadows => {
+        Kind::Edge => {
             let slope = 0.3 + rng.unit() as f32;
             for (row, col) in (0..768).flat_map(|row| (0..256).map(move |col| (row, col))) {
                 let (x, y) = ((row / 3 % 16) as f32, (row / 48) as f32);
@@ -288,7 +288,7 @@ fn one_sample(matrix: &Known, first: u32) -> [Vec<f32>; 2] {
     })
 }
 
-fn factors_of_picture([a, b]: &[Vec<f32>; 2], tolerance: f32, seed: u64) -> BlockFactors {
+fn factors_within([a, b]: &[Vec<f32>; 2], tolerance: f32, seed: u64) -> BlockFactors {
     let samples = BlockSamples { halves: [a, b], sparse: [&[]; 2], n_cols: 256, bundle_len: 3, n_samples: [1; 2] };
     let config = CompressConfig { seed, ..config(Tolerance::AbsoluteMeanSquare(tolerance), 256, 1) };
     compress_block(&samples, &config, 0).unwrap().remove(0)
@@ -297,18 +297,18 @@ fn factors_of_picture([a, b]: &[Vec<f32>; 2], tolerance: f32, seed: u64) -> Bloc
 #[test]
 fn the_other_half_tells_the_truth() {
     for (kind, noise, tolerance) in [
-        (Picture::Smooth, 0.2, 1e-7),
-        (Picture::Smooth, 0.6, 1e-7),
-        (Picture::Highlights, 0.05, 1e-3),
-        (Picture::Highlights, 0.6, 1e-7),
-        (Picture::Shadows, 0.05, 1e-3),
-        (Picture::Shadows, 0.2, 1e-7),
-        (Picture::Shadows, 0.6, 1e-3),
+        (Kind::Smooth, 0.2, 1e-7),
+        (Kind::Smooth, 0.6, 1e-7),
+        (Kind::LoneBundles, 0.05, 1e-3),
+        (Kind::LoneBundles, 0.6, 1e-7),
+        (Kind::Edge, 0.05, 1e-3),
+        (Kind::Edge, 0.2, 1e-7),
+        (Kind::Edge, 0.6, 1e-3),
     ] {
         let (mut told, mut told_truncation, mut total, mut truncation) = (0.0, 0.0, 0.0, 0.0);
         for seed in 0..20 {
-            let matrix = Known { seed, ..Known::new(picture(kind, &mut Random::new([36, seed])), 3, noise) };
-            let [factors, again] = [0, 1].map(|first| factors_of_picture(&one_sample(&matrix, first), tolerance, seed));
+            let matrix = Known { seed, ..Known::new(of_kind(kind, &mut Random::new([36, seed])), 3, noise) };
+            let [factors, again] = [0, 1].map(|first| factors_within(&one_sample(&matrix, first), tolerance, seed));
             told_truncation += f64::from(factors.error.truncation) / 20.0;
             told += f64::from(factors.error.truncation + factors.error.sampling) / 20.0;
             // What two fits to independent samples miss in common is what noise has no part in.
@@ -325,8 +325,8 @@ fn the_other_half_tells_the_truth() {
 
 #[test]
 fn the_rank_is_within_about_half_a_decibel_of_the_best() {
-    for (kind, noise) in [(Picture::Smooth, 0.6), (Picture::Highlights, 0.2), (Picture::Shadows, 0.2)] {
-        let matrix = Known::new(picture(kind, &mut Random::new([37, 0])), 3, noise);
+    for (kind, noise) in [(Kind::Smooth, 0.6), (Kind::LoneBundles, 0.2), (Kind::Edge, 0.2)] {
+        let matrix = Known::new(of_kind(kind, &mut Random::new([37, 0])), 3, noise);
         let halves = one_sample(&matrix, 0);
         let mean: Vec<f32> = halves[0].iter().zip(&halves[1]).map(|(x, y)| 0.5 * (x + y)).collect();
         let [left, right] = best_factors(&mean, 256, 24);
@@ -338,24 +338,24 @@ fn the_rank_is_within_about_half_a_decibel_of_the_best() {
             rest.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / rest.len() as f64
         };
         let least = (0..24).map(error).fold(f64::INFINITY, f64::min);
-        let ours = |seed| mean_square(&factors_of_picture(&halves, 1e-9, seed).dense(), &matrix.truth.data);
+        let ours = |seed| mean_square(&factors_within(&halves, 1e-9, seed).dense(), &matrix.truth.data);
         let mut over: Vec<f64> = (0..15).map(|seed| 10.0 * (ours(seed) / least).log10()).collect();
         over.sort_by(f64::total_cmp);
-        // Landmarks are chosen by chance: one choice in seven of shadows leaves more, of whatever is done afterwards.
+        // Landmarks are chosen by chance: one choice in seven with an edge leaves more, of whatever is done afterwards.
         assert!(over[7] < 0.6 && over[14] < 1.5, "{kind:?} {noise}: {over:?} dB over the best, {least}");
     }
 }
 
 #[test]
-fn a_lone_highlight_is_never_lost() {
+fn a_lone_row_is_never_lost() {
     for seed in 0..30 {
         let mut rng = Random::new([44, seed]);
-        let mut truth = picture(Picture::Smooth, &mut rng);
-        let pixel = rng.below(256);
-        (0..256).for_each(|col| truth.row_mut(pixel * 3 + 1)[col] += 4.0 * rng.normal().max(0.0));
+        let mut truth = of_kind(Kind::Smooth, &mut rng);
+        let bundle = rng.below(256);
+        (0..256).for_each(|col| truth.row_mut(bundle * 3 + 1)[col] += 4.0 * rng.normal().max(0.0));
         let matrix = Known { seed, ..Known::new(truth, 3, 0.2) };
-        let dense = factors_of_picture(&one_sample(&matrix, 0), 1e-4, seed).dense();
-        let row = (pixel * 3 + 1) * 256..(pixel * 3 + 2) * 256;
+        let dense = factors_within(&one_sample(&matrix, 0), 1e-4, seed).dense();
+        let row = (bundle * 3 + 1) * 256..(bundle * 3 + 2) * 256;
         let (error, energy) = (
             mean_square(&dense[row.clone()], &matrix.truth.data[row.clone()]),
             mean_square(&matrix.truth.data[row], &[0.0; 256]),
@@ -365,11 +365,11 @@ fn a_lone_highlight_is_never_lost() {
 }
 
 #[test]
-fn a_bright_sample_that_one_half_alone_holds_is_no_component() {
-    let matrix = Known::new(picture(Picture::Smooth, &mut Random::new([45, 0])), 3, 0.05);
+fn a_large_sample_that_one_half_alone_holds_is_no_component() {
+    let matrix = Known::new(of_kind(Kind::Smooth, &mut Random::new([45, 0])), 3, 0.05);
     let mut halves = one_sample(&matrix, 0);
     halves[0][100 * 256..101 * 256].iter_mut().for_each(|x| *x += 20.0);
-    let error = mean_square(&factors_of_picture(&halves, 1e-7, 0).dense(), &matrix.truth.data);
+    let error = mean_square(&factors_within(&halves, 1e-7, 0).dense(), &matrix.truth.data);
     // Half of it is in the mean; what of it lies in the span of the other components stays.
     let spoiled = 10.0f64.powi(2) / 768.0;
     assert!(error < 0.15 * spoiled, "{error} of {spoiled}");

@@ -7,8 +7,8 @@
 
 use crate::{dense::Dense, means::Means};
 
-/// How many times the mean noise of all columns, and what is allowed, count as noise of each: a rare bright sample in a column says
-/// little of it, and columns that are exact enough need no help. Found on four scenes, where one half to sixteen times differ little.
+/// How many times the mean noise of all columns, and what is allowed, count as noise of each: a rare large sample in a column says
+/// little of it, and columns that are exact enough need no help. Found on four matrices, where one half to sixteen times differ little.
 const SHARED: f64 = 4.0;
 
 /// Samples whose columns have been divided.
@@ -34,6 +34,15 @@ impl Level {
         let mean = noises.iter().sum::<f64>() / n_cols as f64;
         let divisors: Vec<f32> =
             noises.iter().map(|noise| if mean > 0.0 { (noise / mean).sqrt() as f32 } else { 1.0 }).collect();
+        Self::by(means, divisors)
+    }
+
+    /// Columns that are left as they were sampled.
+    pub(crate) fn undivided(means: &Means) -> Self {
+        Self::by(means, vec![1.0; means.mean.n_cols])
+    }
+
+    fn by(means: &Means, divisors: Vec<f32>) -> Self {
         let factors: Vec<f32> = divisors.iter().map(|divisor| 1.0 / divisor).collect();
         let divided = |rows: &Dense<f32>| scaled(rows, &factors);
         let (a, b, mean) = (divided(&means.a), divided(&means.b), divided(&means.mean));
@@ -111,6 +120,15 @@ mod tests {
         let product = |row: &[f32], weights: &[f32]| row.iter().zip(weights).map(|(x, w)| x * w).sum::<f32>();
         let (plain, level) = (product(means.mean.row(0), &weights), product(row, &level.combination(&weights)));
         assert!((plain - level).abs() < 1e-4 * plain.abs().max(0.1), "{plain} and {level}");
+    }
+
+    #[test]
+    fn columns_that_are_not_divided_are_as_they_were_sampled() {
+        let means = noisy();
+        let level = Level::undivided(&means);
+        assert_eq!(level.divisors, [1.0; 3]);
+        let both = [(&level.means.a, &means.a), (&level.means.b, &means.b), (&level.means.mean, &means.mean)];
+        assert!(both.iter().all(|(level, sampled)| level.data == sampled.data));
     }
 
     #[test]

@@ -94,8 +94,8 @@ mod vector;
 pub use bounded::{BoundedError, BoundedLeastSquares};
 pub use codec::{CodecError, decode_block, encode_block};
 pub use compress::{
-    BlockSamples, ColumnGroup, CompressConfig, CompressError, Guide, SamplePlan, Tolerance, compress, compress_block,
-    compress_by,
+    BlockSamples, ColumnGroup, CompressConfig, CompressError, Guide, NoisyColumns, SamplePlan, Tolerance, compress,
+    compress_block, compress_by,
 };
 pub use denoise::{Denoiser, Likeness};
 pub use factors::{BlockError, BlockFactors};

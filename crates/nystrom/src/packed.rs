@@ -41,7 +41,7 @@ use self::{
     quantize::{Coefficients, Rounded, quarters_between, restore, step_of},
     tables::Tables,
 };
-use crate::{codec::CodecError, compress::shade, factors::BlockFactors, low_rank::BlockLowRank, random::Random};
+use crate::{codec::CodecError, compress::tightness, factors::BlockFactors, low_rank::BlockLowRank, random::Random};
 
 pub use layout::ColumnRun;
 pub use product::PackedProduct;
@@ -71,8 +71,8 @@ pub struct PackPlan {
     pub columns: Vec<ColumnRun>,
     /// Mean square error per entry at which the matrix aims, in all: truncation, sampling and packing.
     pub allowed: f32,
-    /// As [`CompressConfig::bright`](crate::CompressConfig::bright): darker blocks are stored more finely.
-    pub bright: f32,
+    /// As [`CompressConfig::strong`](crate::CompressConfig::strong): weaker blocks are stored more finely.
+    pub strong: f32,
     /// One weight per column: the product with these weights is kept to a share of itself, or of its noise, whatever is
     /// allowed. Empty: no product is.
     pub preserved: Vec<f32>,
@@ -221,8 +221,8 @@ struct Unrounded<'a> {
     kept: Vec<f64>,
     /// Mean square error that truncation and sampling have left in it.
     own_error: f64,
-    /// Share of what is allowed that is left to it for its being dark.
-    shade: f64,
+    /// Share of what is allowed that is left to it for its being weak.
+    tightness: f64,
     /// Mean square error at which it aims.
     allowed: f64,
 }
@@ -242,10 +242,10 @@ impl<'a> Packer<'a> {
         let (left, right) = both(factors);
         let kept = product_with(&left.data, &right.data, left.n_cols, &self.direction, left.n_rows);
         let own_error = f64::from(factors.error.truncation.max(0.0) + factors.error.sampling.max(0.0));
-        let shade = shade(coefficients.mean_square(), self.plan.bright);
-        let allowed = (f64::from(self.plan.allowed) * shade).max(OF_HALVES * coefficients.mean_square());
+        let tightness = tightness(coefficients.mean_square(), self.plan.strong);
+        let allowed = (f64::from(self.plan.allowed) * tightness).max(OF_HALVES * coefficients.mean_square());
         let energy = energy(factors);
-        Some(Unrounded { block_idx, factors, energy, coefficients, kept, own_error, shade, allowed })
+        Some(Unrounded { block_idx, factors, energy, coefficients, kept, own_error, tightness, allowed })
     }
 
     /// The coarsest step for which some blocks together stay within their budgets; `None` where none has components.
@@ -348,9 +348,9 @@ impl<'a> Packer<'a> {
 }
 
 impl Unrounded<'_> {
-    /// Quarters of an octave by which its step is finer for its being dark: as much as what is allowed is less.
+    /// Quarters of an octave by which its step is finer for its being weak: as much as what is allowed is less.
     fn quarters(&self) -> i32 {
-        quarters_between(1.0, self.shade.sqrt())
+        quarters_between(1.0, self.tightness.sqrt())
     }
 
     /// Mean square error that packing may add.

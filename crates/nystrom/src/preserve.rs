@@ -202,7 +202,7 @@ mod tests {
     const N_ROWS: usize = 768;
     const N_COLS: usize = 16;
 
-    /// Fifteen quiet columns of one wave, and a last one that hardly anything but rare bright samples is in.
+    /// Fifteen quiet columns of one wave, and a last one that hardly anything but rare large samples is in.
     fn halves() -> [Vec<f32>; 2] {
         let mut rng = Random::new([77, 3]);
         let mut half = || {
@@ -210,8 +210,8 @@ mod tests {
             for (row, values) in data.as_chunks_mut::<N_COLS>().0.iter_mut().enumerate() {
                 let wave = 0.1 + 0.05 * (row as f32 * 0.02).sin();
                 values.iter_mut().for_each(|x| *x = wave + 0.002 * rng.normal());
-                let is_bright = rng.normal() > 2.5;
-                values[N_COLS - 1] += if is_bright { 100.0 } else { 0.0 };
+                let is_large = rng.normal() > 2.5;
+                values[N_COLS - 1] += if is_large { 100.0 } else { 0.0 };
             }
             data
         };

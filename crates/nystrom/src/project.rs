@@ -10,7 +10,7 @@ use std::array;
 
 use crate::{
     basis::extend_basis,
-    compress::{ColumnGroup, CompressConfig, Tolerance, shade},
+    compress::{ColumnGroup, CompressConfig, Tolerance, tightness},
     dense::{Dense, eigen},
     fit::Fit,
     level::Level,
@@ -20,6 +20,7 @@ use crate::{
     product::{coefficients, combinations, power_step, product},
     random::Random,
     sketch::{Sketch, allowed, rank_limit, sketch},
+    spectrum::right_vectors,
     unpacked::Unpacked,
     vector::WIDE,
 };
@@ -42,7 +43,7 @@ pub(crate) fn factor(
     rng: Random,
 ) -> Unpacked {
     let ColumnGroup { preserved, .. } = group;
-    let tolerance = group.tolerance.shaded(means, config.bright, group.share);
+    let tolerance = group.tolerance.tightened(means, config.strong, group.share);
     let [of_a, of_b, mut of_mean] = fitted(means, bundle_len, tolerance, config, rng);
     let measured = measured(means, [&of_a, &of_b], tolerance, config);
     of_mean.keep(measured.rank);
@@ -68,7 +69,7 @@ pub(crate) fn factor_levelled(
     config: &CompressConfig,
     rng: Random,
 ) -> (Unpacked, f64) {
-    let tolerance = group.tolerance.shaded(means, config.bright, group.share);
+    let tolerance = group.tolerance.tightened(means, config.strong, group.share);
     let mut fits: [Fit; 3] = fitted(&level.means, bundle_len, tolerance, config, rng);
     let measured = measured(&level.means, [&fits[0], &fits[1]], tolerance, config);
     fits.iter_mut().for_each(|fit| _ = fit.keep(measured.rank));
@@ -118,14 +119,14 @@ pub(crate) fn measured(
 }
 
 impl Tolerance {
-    /// What is asked of the rank of a block: a share of the tolerance, and more where it is dark. Samples are asked for by the plain
+    /// What is asked of the rank of a block: a share of the tolerance, and less where it is weak. Samples are asked for by the plain
     /// tolerance.
-    pub(crate) fn shaded(self, means: &Means, bright: f32, share: f32) -> Self {
+    pub(crate) fn tightened(self, means: &Means, strong: f32, share: f32) -> Self {
         match self {
             Tolerance::AbsoluteMeanSquare(allowed) => {
                 let energy = means.cross.iter().sum::<f64>() * means.unit * means.unit;
                 Tolerance::AbsoluteMeanSquare(
-                    (f64::from(allowed * share) * shade(energy / means.n_entries(), bright)) as f32,
+                    (f64::from(allowed * share) * tightness(energy / means.n_entries(), strong)) as f32,
                 )
             }
             other => other,
@@ -310,12 +311,7 @@ fn range(coefficients: &Dense<f64>, (values, vectors): &Eigen, width: usize) -> 
 
 /// Right singular vectors of a wide matrix, as rows, largest first.
 fn principal(wide: &Dense<f64>) -> Dense<f32> {
-    let (values, vectors) = eigen(&product(wide.view(), wide.t()));
-    let mut basis = product(vectors.t(), wide.view());
-    for (r, value) in values.iter().enumerate() {
-        basis.row_mut(r).iter_mut().for_each(|x| *x /= value.sqrt());
-    }
-    basis.to_f32()
+    right_vectors(wide).to_f32()
 }
 
 /// What both halves hold in common of each component: vᵀ AᵀB v.

@@ -85,6 +85,8 @@ pub enum Method {
     Alg3(Core),
     /// Rows and columns by k-means in turn; rows of two rounds, united.
     Alg4(Core),
+    /// The same with columns of both rounds, the random ones among them. [`Method::ALL`] leaves it out.
+    Alg4Union(Core),
     /// Nyström's method after a power of every entry \[Wang2009\]; rows and columns as in Algorithm 4.
     Kernel {
         /// The power; found from the chosen rows and columns where it is not given.
@@ -164,6 +166,7 @@ pub fn approximate<S: Real>(
         Method::Alg2(core) => cross::cross(matrix, Selection::Alg2, core, rank, rng)?,
         Method::Alg3(core) => cross::cross(matrix, Selection::Alg3, core, rank, rng)?,
         Method::Alg4(core) => cross::cross(matrix, Selection::Alg4, core, rank, rng)?,
+        Method::Alg4Union(core) => cross::cross(matrix, Selection::Alg4Union, core, rank, rng)?,
         Method::Kernel { gamma, rcond } => kernel::kernel(matrix, (gamma, S::nearest(rcond)), rank, rng)?,
         Method::Svd => svd::svd(matrix, rank)?,
         Method::RowId => interpolative::row_id(matrix, rank)?,

@@ -21,7 +21,7 @@ pub(crate) struct SmallProduct<'a> {
     /// Inner size.
     pub(crate) n_inner: usize,
     /// Those of the inner indices whose products are not all zero, in ascending order.
-    pub(crate) lit: &'a [usize],
+    pub(crate) nonzero: &'a [usize],
     pub(crate) n_cols: usize,
 }
 
@@ -69,7 +69,7 @@ impl SmallProduct<'_> {
     fn write_tile<const M: usize, const N: usize>(self, [row, column]: [usize; 2], out: &mut [f32]) {
         let left: [&[f32]; M] = std::array::from_fn(|m| &self.left[(row + m) * self.n_inner..][..self.n_inner]);
         let mut sums = [[0.0; N]; M];
-        for &inner in self.lit {
+        for &inner in self.nonzero {
             let right = &self.right[inner * self.n_cols + column..][..N];
             for m in 0..M {
                 let factor = left[m][inner];
@@ -101,10 +101,10 @@ mod tests {
         for [n_rows, n_inner, n_cols] in [[1, 1, 1], [4, 8, 16], [5, 3, 7], [9, 16, 29], [16, 16, 128]] {
             let mut numbers = |n: usize| -> Vec<f32> { (0..n).map(|_| rng.normal()).collect() };
             let (left, mut right) = (numbers(n_rows * n_inner), numbers(n_inner * n_cols));
-            let lit: Vec<usize> = (0..n_inner).filter(|inner| inner % 3 != 1).collect();
-            let is_lit = |at: usize| lit.contains(&(at / n_cols));
-            right.iter_mut().enumerate().filter(|(at, _)| !is_lit(*at)).for_each(|(_, x)| *x = 0.0);
-            let product = SmallProduct { left: &left, right: &right, n_inner, lit: &lit, n_cols };
+            let nonzero: Vec<usize> = (0..n_inner).filter(|inner| inner % 3 != 1).collect();
+            let is_nonzero = |at: usize| nonzero.contains(&(at / n_cols));
+            right.iter_mut().enumerate().filter(|(at, _)| !is_nonzero(*at)).for_each(|(_, x)| *x = 0.0);
+            let product = SmallProduct { left: &left, right: &right, n_inner, nonzero: &nonzero, n_cols };
             let (mut fast, mut plain) = (vec![1.0; n_rows * n_cols], vec![2.0; n_rows * n_cols]);
             product.write(&mut fast);
             product.write_plain(&mut plain);

@@ -7,7 +7,8 @@
 //! numbers as there are bands. What a sharp edge needs keeps its weight, because both halves agree about it.
 //!
 //! **Decision.** One linear map of the whole block before anything is decomposed. **Refused:** weights for the components of
-//! a decomposition, left and right; noise has turned the weaker ones by then, and blocks of high rank stay 1 to 5 dB worse.
+//! a decomposition, left and right; noise has turned the weaker ones by then, and blocks of high rank stay 1 to 5 dB worse
+//! (`docs/decisions/0055-components-are-kept-or-dropped.md`).
 
 #[cfg(test)]
 mod tests;
@@ -125,7 +126,7 @@ impl Smoother<'_> {
     ) -> Option<Unpacked> {
         let [a, b] = [&level.means.a, &level.means.b].map(|half| self.forward(half));
         let (mut smooth, lost) = self.smoothed(&a, &b, means.unit);
-        let tolerance = group.tolerance.shaded(means, config.bright, group.share);
+        let tolerance = group.tolerance.tightened(means, config.strong, group.share);
         let mut fits: [Fit; 3] = fitted(&smooth, self.smoothing.bundle_len, tolerance, config, rng);
         let rank = measured(&smooth, [&fits[0], &fits[1]], tolerance, config).rank;
         fits.iter_mut().for_each(|fit| _ = fit.keep(rank));

@@ -2,6 +2,19 @@
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
+use crate::{
+    dense::{Dense, View, eigen},
+    product::product,
+    random::Random,
+};
+
+/// Rows of a matrix from which on its leading pairs are found by iteration.
+const LARGE: usize = 512;
+/// Vectors that are iterated beyond those that are asked for: a share of these, and some.
+const SPARE: (f64, usize) = (0.125, 8);
+/// Steps of the iteration.
+const STEPS: usize = 3;
+
 /// The largest eigenvalues of a symmetric matrix (row-major, n × n), at most `most` of them, largest first, and their unit
 /// vectors: row-major, one vector of n entries after the other.
 pub fn largest_eigenpairs(n: usize, matrix: &[f64], most: usize) -> (Vec<f64>, Vec<f64>) {
@@ -15,9 +28,88 @@ pub fn largest_eigenpairs(n: usize, matrix: &[f64], most: usize) -> (Vec<f64>, V
     (values, vectors.collect())
 }
 
+/// The same of a large positive matrix where the last of many pairs need not be the very largest: values and vectors of the
+/// matrix within a space that holds nearly all that as many pairs can hold, found by a power iteration from random vectors
+/// \[Halko2011\]. Whatever the space, what the matrix makes of one of them is orthogonal to the others. Pairs below `1e-7` of
+/// the largest are left out.
+pub fn leading_pairs(n: usize, matrix: &[f64], most: usize) -> (Vec<f64>, Vec<f64>) {
+    assert_eq!(matrix.len(), n * n, "a matrix of {n} × {n}");
+    let width = most + (SPARE.0 * most as f64) as usize + SPARE.1;
+    if n < LARGE || 2 * width > n {
+        return largest_eigenpairs(n, matrix, most);
+    }
+    let matrix = View { data: matrix, n_rows: n, n_cols: n, row_stride: n, col_stride: 1 };
+    let mut rng = Random::new([n as u64, most as u64]);
+    let data = (0..width * n).map(|_| rng.unit() - 0.5).collect();
+    let mut vectors = Dense { n_rows: width, n_cols: n, data };
+    for _ in 0..STEPS {
+        vectors = right_vectors(&product(vectors.view(), matrix));
+    }
+    let met = product(vectors.view(), matrix);
+    let (mut values, turns) = eigen(&product(met.view(), vectors.t()));
+    values.truncate(most);
+    (values, product(turns.first_cols(most).t(), vectors.view()).data)
+}
+
+/// Right singular vectors of a wide matrix, as rows, largest first.
+pub(crate) fn right_vectors(wide: &Dense<f64>) -> Dense<f64> {
+    let (values, vectors) = eigen(&product(wide.view(), wide.t()));
+    let mut basis = product(vectors.t(), wide.view());
+    for (r, value) in values.iter().enumerate() {
+        basis.row_mut(r).iter_mut().for_each(|x| *x /= value.sqrt());
+    }
+    basis
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A matrix whose eigenvectors are cosines, of some eigenvalues.
+    fn of_cosines(n: usize, values: &[f64]) -> Vec<f64> {
+        let cosine = |k: usize, i: usize| {
+            let square: f64 = if k == 0 { 1.0 } else { 2.0 };
+            (square / n as f64).sqrt() * (std::f64::consts::PI * k as f64 * (i as f64 + 0.5) / n as f64).cos()
+        };
+        let rows = |weight: fn(f64) -> f64| {
+            let row = |k: usize| (0..n).map(move |i| weight(values[k]) * cosine(k, i));
+            Dense { n_rows: values.len(), n_cols: n, data: (0..values.len()).flat_map(row).collect::<Vec<f64>>() }
+        };
+        product(rows(|_| 1.0).t(), rows(|value| value).view()).data
+    }
+
+    #[test]
+    fn leading_pairs_hold_nearly_what_the_largest_do() {
+        let (n, most) = (LARGE, 64);
+        let known: Vec<f64> = (1..=n).map(|k| (k as f64).powi(-2)).collect();
+        let matrix = of_cosines(n, &known);
+        let (values, vectors) = leading_pairs(n, &matrix, most);
+        assert_eq!((values.len(), vectors.len()), (most, most * n));
+        for (found, known) in values.iter().zip(&known).take(most / 4) {
+            assert!((found / known - 1.0).abs() < 1e-3, "{found} for {known}");
+        }
+        let left = |values: &[f64]| known.iter().sum::<f64>() - values.iter().sum::<f64>();
+        let (ours, least) = (left(&values), left(&known[..most]));
+        assert!(ours >= 0.999 * least && ours < 1.05 * least, "{ours} is left, {least} at least");
+        // Within what they span they are the pairs of the matrix.
+        let vectors = Dense { n_rows: most, n_cols: n, data: vectors };
+        let matrix = Dense { n_rows: n, n_cols: n, data: matrix };
+        let met = product(product(vectors.view(), matrix.view()).view(), vectors.t());
+        for (at, found) in met.data.iter().enumerate() {
+            let expected = if at / most == at % most { values[at / most] } else { 0.0 };
+            assert!((found - expected).abs() < 1e-10, "{found} for {expected}");
+        }
+    }
+
+    #[test]
+    fn leading_pairs_of_a_matrix_of_low_rank_are_all_that_it_has() {
+        let known: Vec<f64> = (1..=20).map(|k| (k as f64).powi(-2)).collect();
+        let (values, _) = leading_pairs(LARGE, &of_cosines(LARGE, &known), 64);
+        assert_eq!(values.len(), known.len());
+        for (found, known) in values.iter().zip(&known) {
+            assert!((found / known - 1.0).abs() < 1e-9, "{found} for {known}");
+        }
+    }
 
     #[test]
     fn pairs_come_largest_first_and_give_the_matrix_back() {

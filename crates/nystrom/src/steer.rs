@@ -1,6 +1,6 @@
 //! What one half of a block says of its own samples. It decides whether the *other* half goes on.
 //!
-//! A half that decided on itself would stop when a rare, bright sample happens to be missing, and go on when there is one: the
+//! A half that decided on itself would stop when a rare, large sample happens to be missing, and go on when there is one: the
 //! mean of its values would be too small. So the halves change places. A half that is told to stop is still sampled while the
 //! other one waits for its word, but these samples count in no mean: how many they are depends on their own values.
 
@@ -105,7 +105,7 @@ mod tests {
         assert_eq!(without_fit(10.0, 64, fitted(1.4)), Some(true));
         assert_eq!(without_fit(10.0, 64, fitted(2.0)), None);
         assert_eq!(without_fit(10.0, 64, fitted(3.2)), Some(false));
-        // Another bright sample; a fit of long ago.
+        // Another large sample; a fit of long ago.
         assert_eq!(without_fit(40.0, 64, fitted(1.4)), Some(false));
         assert_eq!(without_fit(2.0, 64, fitted(6.0)), None);
     }

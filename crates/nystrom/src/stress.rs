@@ -23,6 +23,7 @@ use nalgebra::{DMatrix, SVD};
 use crate::{
     compress::{BlockSamples, ColumnGroup, CompressConfig, CompressError, Tolerance, unpacked},
     dense::Dense,
+    factors::deviation,
     means::Means,
     product::product,
 };
@@ -58,9 +59,8 @@ pub struct Ours {
     /// What the two halves tell of `error`, without knowing the truth; an unbiased square of it may come out below zero and then
     /// counts as zero.
     pub told: f64,
-    /// Standard deviation of the square of `told` when the noise is another one. With s the variance of the noise of an entry of
-    /// the mean, each half has noise of 2s; the square of `told` is the inner product of what two fits leave of their halves, an
-    /// error e that they have in common and noise, so its variance is `4s²` per entry and `4s‖e‖²`.
+    /// Standard deviation of the square of `told` when the noise is another one, see
+    /// [`BlockError::deviation`](crate::BlockError::deviation).
     pub doubt: f64,
     /// Left factor, row-major, rows × rank, over the unit.
     pub left: Vec<f32>,
@@ -140,7 +140,7 @@ pub fn ours(case: &Case) -> Result<Ours, CompressError> {
     let packed = DMatrix::from_row_iterator(n_rows, n_cols, packed.into_iter().map(f64::from));
     let entries = (n_rows * n_cols) as f64;
     let told = (factors.truncation + factors.sampling).max(0.0) * entries;
-    let doubt = 2.0 * (factors.noise * (factors.noise * entries + told)).sqrt();
+    let doubt = entries * deviation(factors.noise, told / entries, entries);
     Ok(Ours {
         rank: factors.left.n_cols,
         error: case.distance(&dense),

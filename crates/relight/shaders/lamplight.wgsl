@@ -59,8 +59,8 @@ struct Lamp {
 // Two rows for all slabs: the lower corner of their box and their number, the upper corner and the diagonal of the scene. Eight for
 // each: its normal and index of refraction; its middle and thickness; its box, with the row of its first triangle, and with the
 // numbers of those of the back and, from bit 16 on, of the front; what it lets pass but for what it reflects, and 1 where only the
-// CPU knows; its extinction; the axes of the rectangle around it, each with half of its length. Three for each triangle: a corner and
-// the clearance of the plane, and the edges from there.
+// CPU knows; its extinction, and 1 where nothing lies in its glass; the axes of the rectangle around it, each with half of its
+// length. Three for each triangle: a corner and the clearance of the plane, and the edges from there.
 @group(0) @binding(8) var<storage, read> slabs: array<vec4u>;
 
 const NONE: u32 = 0xffffffffu;
@@ -976,8 +976,11 @@ fn passed(route: ptr<function, Route>, place: vec3f, toward: vec3f) -> Passed {
     for (var leg = 0u; leg <= n_faces; leg++) {
         var next = Crossing();
         var ray = select(place, at, lamp.kind == 2u) - start + toward;
+        // Nothing is in the way from face to face of glass where nothing lies.
+        var is_free = false;
         if leg < n_faces {
             let slab = (*route).slabs[leg / 2u];
+            is_free = leg % 2u == 1u && slabs[slab + 5u].w != 0u;
             if slabs[slab + 4u].w != 0u {
                 return Passed(vec3f(0.0), UNKNOWN);
             }
@@ -988,9 +991,11 @@ fn passed(route: ptr<function, Route>, place: vec3f, toward: vec3f) -> Passed {
             share *= next.share;
             ray = next.on_face - start;
         }
-        let way = free(start, ray);
-        if way != FREE {
-            return Passed(vec3f(0.0), way);
+        if !is_free {
+            let way = free(start, ray);
+            if way != FREE {
+                return Passed(vec3f(0.0), way);
+            }
         }
         at = next.place;
         start = lifted(next.on_face + next.normal * next.clearance, next.normal);

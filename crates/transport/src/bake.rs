@@ -784,7 +784,7 @@ impl BakeJob {
             seed: self.config.seed,
             method: self.config.method,
             max_rank: self.config.max_rank(),
-            bright: BRIGHT,
+            strong: BRIGHT,
             ..CompressConfig::default()
         }
     }

@@ -261,7 +261,7 @@ impl Bake {
             reused_columns: spared.reused_columns as usize,
             off: header.skips.off(),
             sky_patches: if header.skips.has(Skip::UnseenPatches) { unseen } else { 0 },
-            dark_columns: factors().map(|block| block.n_dark_columns()).sum(),
+            dark_columns: factors().map(|block| block.n_zero_columns()).sum(),
             dark_blocks: factors().filter(|b| b.rank == 0 && b.sparse.is_empty()).count(),
             converged_blocks: taken.iter().filter(|&&n| n < full).count(),
             samples_saved: if taken.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },

@@ -4,8 +4,8 @@ mod body;
 mod exchange;
 mod frame;
 mod install;
+mod lacking;
 mod light;
-mod mirrored;
 mod prepared;
 mod rectangle;
 mod source;
@@ -21,6 +21,7 @@ use crate::scene::PunctualKind;
 
 pub(crate) use self::body::{Body, BodyPoint};
 pub use self::frame::half_turn;
+pub use self::lacking::Lacking;
 pub use self::light::Lamp;
 pub(crate) use self::light::{Lit, Through, Way};
 pub use self::prepared::{LampError, PreparedLamps};

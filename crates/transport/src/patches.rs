@@ -16,7 +16,9 @@ mod matrix;
 mod modes;
 mod nearest;
 mod response;
+mod strips;
 mod trials;
+mod vector;
 
 use std::sync::Arc;
 

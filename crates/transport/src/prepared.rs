@@ -44,6 +44,8 @@ pub struct PreparedScene {
     pub(crate) casters: Option<Arc<Casters>>,
     /// Whether pixels may share walks from and to coated surfaces.
     pub(crate) coats_share: bool,
+    /// Whether pixels of one color of a chessboard may judge those of the other one.
+    pub(crate) colors_judge: bool,
     /// Diagonal of all surfaces, m; infinite where there are none.
     extent: f32,
 }
@@ -169,6 +171,7 @@ impl PreparedScene {
             slabs,
             casters: None,
             coats_share: true,
+            colors_judge: true,
             extent,
         };
         prepared.casters = Casters::find(&prepared, stop)?.map(Arc::new);
@@ -179,11 +182,6 @@ impl PreparedScene {
         warnings.extend(unlit::brighten(&mut prepared));
         stop.check()?;
         Ok((prepared, warnings))
-    }
-
-    /// Whether it has a mirror or a clear body, whose light on other surfaces free lamps lack.
-    pub fn casts_caustics(&self) -> bool {
-        self.scene.materials.iter().any(Material::casts_caustics)
     }
 
     /// What rays of a device meet, in plain words.
@@ -356,6 +354,12 @@ impl PreparedScene {
     /// The same scene where only surfaces without a coat share walks: noisier indirect light, and the same mean.
     pub fn with_lone_coats(self) -> PreparedScene {
         PreparedScene { coats_share: false, ..self }
+    }
+
+    /// The same scene whose blocks are judged by both halves of their samples alone: more samples where light is shared, and the
+    /// same mean.
+    pub fn without_colors(self) -> PreparedScene {
+        PreparedScene { colors_judge: false, ..self }
     }
 
     /// Material of a triangle.

@@ -137,7 +137,8 @@ impl SampledMatrix for SharedMatrix<'_> {
     /// What pixels have in common, nodes and cells, is the same for any number of samples. Where there are coats, metal, glass or
     /// caustics, a pixel follows walks of its own, and a bright one that is rare is told apart by its own samples alone.
     fn colors_are_independent(&self, bundles: &[u32]) -> bool {
-        bundles.iter().step_by(EVERY_FEW).all(|&pixel| self.is_calm(pixel))
+        let colors_judge = self.matrix.integrator.scene().colors_judge;
+        colors_judge && bundles.iter().step_by(EVERY_FEW).all(|&pixel| self.is_calm(pixel))
     }
 
     fn add_rows(

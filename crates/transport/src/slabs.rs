@@ -8,6 +8,7 @@
 mod facet;
 mod find;
 pub(crate) mod hidden;
+mod inside;
 mod outline;
 mod route;
 mod tree;
@@ -59,6 +60,8 @@ struct Slab {
     facets: [Vec<Facet>; 2],
     /// What it is made of, where that is the same everywhere.
     looks: Option<SurfaceParams>,
+    /// Whether nothing lies in the glass, so that nothing is in the way from face to face.
+    is_free: bool,
 }
 
 /// A face of a slab; its index among a slab's pairs.

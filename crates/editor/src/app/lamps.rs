@@ -23,7 +23,7 @@ use crate::session::SceneOfBake;
 use crate::session::lamps::LampLight;
 use crate::viewport::gizmo::{Surface, surface_behind_glass};
 use crate::viewport::placing::{beside, fitting_strength, placed, sized};
-use crate::words::mirrored_words;
+use crate::words::lacking_words;
 
 impl App {
     /// What can be done with lamps in what is open.
@@ -69,10 +69,10 @@ impl App {
 
     /// What of the light of free lamps is missing, if anything is.
     fn lacking(&self, light: &LampLight) -> LampNote {
-        let caustics = self.session.lamp_scene().is_some_and(|scene| scene.casts_caustics());
-        let words = light.mirrored.iter().map(|(key, share)| mirrored_words(key, *share));
-        let mirrored: Vec<String> = words.map(|words| self.look.renamed(&words)).collect();
-        if caustics || !mirrored.is_empty() { LampNote::Lacking { caustics, mirrored } } else { LampNote::None }
+        let words = light.lacking.iter().flat_map(|(key, lacking)| lacking_words(key, lacking)).flatten();
+        let words: Vec<String> = words.map(|words| self.look.renamed(&words)).collect();
+        let caustics = light.lacking.iter().any(|(_, lacking)| lacking.caustic > 0.0);
+        if words.is_empty() { LampNote::None } else { LampNote::Lacking { caustics, words } }
     }
 
     /// Scene, camera and film of the picture.

@@ -235,7 +235,8 @@ pub struct BakeOptions {
     #[arg(long, conflicts_with = "exact")]
     pub fast: bool,
     /// Follow the light between surfaces from every sample (the default), and take no noise out, neither between pixels nor within
-    /// blocks: without bias but for what truncation leaves out.
+    /// blocks: without bias but for what truncation leaves out. The yardstick for that, the singular value decomposition of each
+    /// block's samples as they are, is --method svd --exact.
     #[arg(long)]
     pub exact: bool,
     /// Take no noise out between pixels. By default pixels that show the same surface tell each other, as far as two halves of the
@@ -247,7 +248,7 @@ pub struct BakeOptions {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_PATCHES)))]
     pub patches: u32,
     /// What makes factors of the samples: `projected` is our own, the others are there to be compared with, such as `svd`,
-    /// `row-id`, `aca-full` or `alg4:qr`; a name that does not exist lists them all.
+    /// `row-id`, `aca-full` or `alg4:qr`, block by block; a name that does not exist lists them all.
     #[arg(long, value_name = "NAME", default_value_t, value_parser = parse_method)]
     pub method: Method,
     /// Side of the blocks in pixels, each of which has a rank of its own.

@@ -10,7 +10,7 @@ use clerestory_transport::arriving::ArrivingPoints;
 use clerestory_transport::bake::{Bake, BakeHeader};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::import::Choice;
-use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, Lacking, PreparedLamps};
 use clerestory_transport::light::LightRig;
 use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
@@ -23,7 +23,7 @@ use super::view::{View, import_scene, load_scene};
 use crate::illuminance::AddedLux;
 use crate::look::Look;
 use crate::session::{as_baked, what_differs};
-use crate::words::mirrored_words;
+use crate::words::lacking_words;
 
 /// Samples of a pixel that are kept at once; others take their place until there were enough.
 const SAMPLES: u32 = 4;
@@ -105,10 +105,6 @@ impl Arriving {
 pub(super) const DIRECT_LUX: &str = "the irradiance counts the light of the look's lamps where it falls, not what surfaces make \
     of it; bake the scene again with --patches 4096 for that";
 
-/// What is said where a scene throws light of lamps that is not found.
-const NO_CAUSTICS: &str = "light of the look's lamps that mirrors or clear bodies of glass throw onto other surfaces (caustics) is \
-    missing; `trace` shows it for lamps with a body";
-
 /// What lamps add to the light that arrives.
 pub(super) fn added_lux(lamps: &[LampLight]) -> AddedLux {
     let mut added = AddedLux::default();
@@ -137,7 +133,7 @@ impl LampLight {
     ) -> Result<Vec<LampLight>> {
         let lamps = look.lights.shining_lamps();
         let Some((scene, camera)) = stage(bake, &lamps, scene, console)? else { return Ok(Vec::new()) };
-        warn_of_mirrored(&lamps, path, &scene, console);
+        warn_of_lacking(&lamps, path, &scene, console);
         let scene = Arc::new(scene);
         let alone = |lamp: &FreeLamp| prepared(std::slice::from_ref(lamp), path, &mut *console);
         let each: Vec<PreparedLamps> = lamps.iter().map(alone).collect::<Result<_>>()?;
@@ -192,32 +188,21 @@ pub(super) fn stage(
              of it; bake the scene with --patches 4096 for that",
         );
     }
-    let (scene, camera) = open(&bake.header, scene, console)?;
-    if scene.casts_caustics() {
-        console.warn(NO_CAUSTICS);
-    }
-    Ok(Some((scene, camera)))
+    open(&bake.header, scene, console).map(Some)
 }
 
-/// Says what of the light of lamps, if there are any, is missing in pictures of a scene; the look lies there.
+/// Names lamps of whose light mirrors, glass, panes and coats throw on a part that is missing in pictures of a scene, with the most that it
+/// is of those of one name; the look lies there. What is wrong with a lamp is told elsewhere.
 pub(crate) fn warn_of_lacking(lamps: &[FreeLamp], look: Option<&Path>, scene: &PreparedScene, console: &mut Console) {
-    if !lamps.is_empty() && scene.casts_caustics() {
-        console.warn(NO_CAUSTICS);
-    }
-    warn_of_mirrored(lamps, look, scene, console);
-}
-
-/// Names lamps of whose light panes and coats mirror a part that is missing, with the most that it is of those of one name. What is wrong
-/// with a lamp is told elsewhere.
-pub(super) fn warn_of_mirrored(lamps: &[FreeLamp], look: Option<&Path>, scene: &PreparedScene, console: &mut Console) {
     let folder = look.and_then(Path::parent);
     let able = |lamp: &FreeLamp| PreparedLamps::able(std::slice::from_ref(lamp), folder).0;
-    let mut most: BTreeMap<String, f32> = BTreeMap::new();
-    for (key, found) in lamps.iter().flat_map(|lamp| able(lamp).mirrored(scene)) {
+    let mut most: BTreeMap<String, Lacking> = BTreeMap::new();
+    for (key, found) in lamps.iter().flat_map(|lamp| able(lamp).lacking(scene)) {
         let share = most.entry(key).or_default();
-        *share = found.max(*share);
+        share.caustic = share.caustic.max(found.caustic);
+        share.mirrored = share.mirrored.max(found.mirrored);
     }
-    console.warn_all(most.iter().map(|(key, share)| mirrored_words(key, *share)));
+    console.warn_all(most.iter().flat_map(|(key, lacking)| lacking_words(key, lacking)).flatten());
 }
 
 /// Direct light of each of some lamps.

@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::args::SensorsArgs;
 use super::console::{Answer, Console};
-use super::lamps::{DIRECT_LUX, prepared, stage, warn_of_mirrored, warn_of_no_lamps};
+use super::lamps::{DIRECT_LUX, prepared, stage, warn_of_lacking, warn_of_no_lamps};
 use super::view::{load_bake, load_look, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::illuminance::{AddedLux, FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words, write_points};
 use crate::look::Look;
@@ -100,7 +100,7 @@ fn added(args: &SensorsArgs, bake: &Bake, look: &Look, console: &mut Console) ->
     if bake.header.patches.is_some() && bake.grids().any(|(set, _)| !bake.header.holds_patches(&bake.irradiance[set])) {
         console.warn(DIRECT_LUX);
     }
-    warn_of_mirrored(&lamps, args.look.as_deref(), &scene, console);
+    warn_of_lacking(&lamps, args.look.as_deref(), &scene, console);
     let lamps = prepared(&lamps, args.look.as_deref(), console)?;
     Ok(AddedLux::of_lamps(bake, Arc::new(scene), lamps))
 }

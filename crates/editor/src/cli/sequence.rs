@@ -106,7 +106,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
         measures,
         device: None,
     });
-    view.iter().for_each(|view| lamps::warn_of_mirrored(&all, options.look.as_deref(), &view.scene, console));
+    view.iter().for_each(|view| lamps::warn_of_lacking(&all, options.look.as_deref(), &view.scene, console));
     let mut stills = Stills::new(Arc::new(Subject { bake, view }), graphics);
     let (begun, n_frames, bar) = (Instant::now(), sequence.n_frames(), console.start_progress("frames"));
     let mut on_frame = |n: u32| {

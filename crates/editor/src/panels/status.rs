@@ -64,18 +64,14 @@ pub enum LampNote {
     DirectOnly,
     /// It lacks some that surfaces throw on.
     Lacking {
-        /// The scene has mirrors or clear bodies.
+        /// Caustics are among it.
         caustics: bool,
-        /// A sentence for each lamp of whose light panes and coats mirror more than a little.
-        mirrored: Vec<String>,
+        /// What each lamp lacks, in sentences.
+        words: Vec<String>,
     },
     /// A lamp does not shine: why.
     Problem(String),
 }
-
-/// What the light of free lamps lacks in a scene with mirrors or clear bodies.
-pub const NO_CAUSTICS: &str =
-    "Light of added and moved lamps that mirrors or clear bodies of glass throw onto other surfaces is missing";
 
 /// Width in points that all figures have room in.
 const WIDE: f32 = 1000.0;
@@ -175,12 +171,11 @@ fn lamps_ui(ui: &mut Ui, note: &LampNote, actions: &mut Vec<Action>) {
             });
             menu.response.on_hover_text(hint);
         }
-        LampNote::Lacking { caustics, mirrored } => {
-            let words = if *caustics { "Lamps: without caustics" } else { "Lamps: without mirrored light" };
-            let lines = caustics.then_some(NO_CAUSTICS).into_iter().chain(mirrored.iter().map(String::as_str));
-            let lines = lines.collect::<Vec<_>>().join("\n");
+        LampNote::Lacking { caustics, words } => {
+            let name = if *caustics { "Lamps: without caustics" } else { "Lamps: without mirrored light" };
+            let lines = words.join("\n");
             // A click tells it as well, to those who have no pointer that rests.
-            let menu = ui.menu_button(RichText::new(words).weak(), |ui| ui.label(lines.as_str()));
+            let menu = ui.menu_button(RichText::new(name).weak(), |ui| ui.label(lines.as_str()));
             menu.response.on_hover_text(lines.as_str());
         }
         LampNote::Problem(why) => {

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use clerestory_relight::{Gpu, Radiance};
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::lamps::FreeLamp;
+use clerestory_transport::lamps::{FreeLamp, Lacking};
 use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
 use glam::Vec3;
@@ -72,8 +72,8 @@ pub struct LampLight {
     pub is_done: bool,
     /// A sentence for each lamp that cannot shine.
     pub problems: Vec<String>,
-    /// Names of lamps of whose light panes and coats mirror more than a little, which is missing, and that share; where there are patches.
-    pub mirrored: Vec<(String, f32)>,
+    /// Names of lamps of whose light more than a little is missing, and what; where there are patches.
+    pub lacking: Vec<(String, Lacking)>,
 }
 
 /// The light of one lamp in a picture.
@@ -129,7 +129,7 @@ impl LampLight {
             serial,
             is_done: true,
             problems: vec![problem],
-            mirrored: Vec::new(),
+            lacking: Vec::new(),
         }
     }
 }

@@ -10,10 +10,10 @@ use crate::random::Random;
 
 const SIDE: u32 = 48;
 const N_COLS: usize = 12;
-/// Rows of a bundle, each of a brightness of its own.
+/// Rows of a bundle, each of a magnitude of its own.
 const GAINS: [f32; 2] = [1.0, 0.25];
 
-/// A field of light that changes slowly, with a wall in the middle behind which all is different, and noise.
+/// A field that changes slowly, with a wall in the middle behind which all is different, and noise.
 struct Field {
     noise: f32,
     /// Whether a stripe of bundles is another thing than those around, which nobody tells.
@@ -86,7 +86,7 @@ impl SampledMatrix for Field {
         for (&bundle, rows) in bundles.iter().zip(out.chunks_mut(2 * N_COLS)) {
             for sample in samples.clone() {
                 let mut rng = Random::new([u64::from(bundle), u64::from(sample) * 2 + u64::from(half == Half::B)]);
-                // Half of the noise is common to all columns, as that of a walk is.
+                // Half of the noise is common to all columns, as that of a sample is.
                 let common = rng.normal();
                 for (at, x) in rows.iter_mut().enumerate() {
                     let noise = self.noise * GAINS[at / N_COLS] * (common + rng.normal());

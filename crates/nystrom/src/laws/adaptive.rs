@@ -7,31 +7,31 @@ use std::{
 
 use crate::{random::Random, *};
 
-/// Chance of a bright sample.
+/// Chance of a large sample.
 const CHANCE: f64 = 1.0 / 64.0;
-/// Columns that bright samples light up, and the one in which they are kept as sparse entries.
-const N_LIT: usize = 3;
+/// Columns that large samples reach, and the one in which they are kept as sparse entries.
+const N_REACHED: usize = 3;
 
-/// Smooth, but for bright samples that are rare and bring 1 to every entry in the mean.
-struct Bright {
+/// Smooth, but for large samples that are rare and bring 1 to every entry in the mean.
+struct RareLarge {
     n_rows: usize,
     seed: u64,
     /// Whether it tells that its rows are independent, which they are.
     independent: bool,
 }
 
-impl Bright {
+impl RareLarge {
     fn smooth(row: usize, col: usize) -> f32 {
         0.5 + 0.125 * (row % 4 * col) as f32
     }
 }
 
-impl SampledMatrix for Bright {
+impl SampledMatrix for RareLarge {
     fn n_rows(&self) -> usize {
         self.n_rows
     }
     fn n_cols(&self) -> usize {
-        N_LIT + 1
+        N_REACHED + 1
     }
     fn bundle_len(&self) -> usize {
         1
@@ -47,15 +47,15 @@ impl SampledMatrix for Bright {
         out: &mut [f32],
         sparse: &mut Vec<SparseEntry>,
     ) {
-        for (place, (&row, out)) in bundles.iter().zip(out.chunks_mut(N_LIT + 1)).enumerate() {
+        for (place, (&row, out)) in bundles.iter().zip(out.chunks_mut(N_REACHED + 1)).enumerate() {
             for sample in samples.clone() {
                 let key = [u64::from(row) * 2 + u64::from(half == Half::B), u64::from(sample) + (self.seed << 32)];
-                let light = if Random::new(key).unit() < CHANCE { 1.0 / CHANCE as f32 } else { 0.0 };
-                for (col, out) in out[..N_LIT].iter_mut().enumerate() {
-                    *out += Self::smooth(row as usize, col) + light;
+                let large = if Random::new(key).unit() < CHANCE { 1.0 / CHANCE as f32 } else { 0.0 };
+                for (col, out) in out[..N_REACHED].iter_mut().enumerate() {
+                    *out += Self::smooth(row as usize, col) + large;
                 }
-                if light > 0.0 {
-                    sparse.push(SparseEntry { row: place as u32, col: N_LIT as u32, value: light });
+                if large > 0.0 {
+                    sparse.push(SparseEntry { row: place as u32, col: N_REACHED as u32, value: large });
                 }
             }
         }
@@ -63,42 +63,43 @@ impl SampledMatrix for Bright {
 }
 
 #[test]
-fn rare_bright_samples_are_worth_as_much_whenever_sampling_stops() {
+fn rare_large_samples_are_worth_as_much_whenever_sampling_stops() {
     let [absolute, relative] = [Tolerance::AbsoluteMeanSquare(0.05), Tolerance::RelativeFrobenius(0.1)];
     let cases = [(absolute, false), (relative, false), (absolute, true), (relative, true)];
     for (seed, (tolerance, independent)) in cases.into_iter().enumerate() {
         let plan = SamplePlan { batch: 8, min: if independent { 1 } else { 2 }, max: 64 };
         // Three thousand blocks of four rows.
-        let matrix = Bright { n_rows: 12000, seed: seed as u64, independent };
+        let matrix = RareLarge { n_rows: 12000, seed: seed as u64, independent };
         let partition = Partition { width: 12000, height: 1, tile: 4 };
         let blocks: Vec<u32> = (0..partition.n_blocks() as u32).collect();
-        let group = ColumnGroup { columns: 0..N_LIT + 1, tolerance, preserved: vec![1.0; N_LIT + 1], share: 1.0 };
+        let group =
+            ColumnGroup { columns: 0..N_REACHED + 1, tolerance, preserved: vec![1.0; N_REACHED + 1], share: 1.0 };
         let config = CompressConfig { groups: vec![group], samples: plan, ..CompressConfig::default() };
         let (mut low_rank, mut sparse, mut n_samples, mut n_parted) = (0.0, 0.0, 0.0, 0);
         let flow = compress(&matrix, &partition, &blocks, &config, |_, mut factors| {
             let mut factors = factors.remove(0);
             sparse += factors.sparse.drain(..).map(|entry| f64::from(entry.value)).sum::<f64>();
             // The preserved product: what was sampled, whatever the rank.
-            low_rank += factors.apply(&[1.0; N_LIT + 1]).iter().map(|&x| f64::from(x)).sum::<f64>();
+            low_rank += factors.apply(&[1.0; N_REACHED + 1]).iter().map(|&x| f64::from(x)).sum::<f64>();
             n_samples += f64::from(factors.n_samples) / blocks.len() as f64;
             // Two rows of two samples and two of more.
             n_parted += usize::from(factors.n_samples == 3);
             ControlFlow::Continue(())
         });
         assert_eq!(flow, Ok(ControlFlow::Continue(())));
-        let smooth = |row| (0..N_LIT).map(|col| f64::from(Bright::smooth(row, col))).sum::<f64>();
+        let smooth = |row| (0..N_REACHED).map(|col| f64::from(RareLarge::smooth(row, col))).sum::<f64>();
         let smooth: f64 = (0..matrix.n_rows).map(smooth).sum();
         let per_row = 1.0 / matrix.n_rows as f64;
-        let [lit, sparse] = [(low_rank - smooth) * per_row / N_LIT as f64, sparse * per_row];
+        let [reached, sparse] = [(low_rank - smooth) * per_row / N_REACHED as f64, sparse * per_row];
         // The variance of one sample, over the least number of samples of both halves.
         let deviation = ((1.0 / CHANCE - 1.0) * per_row / f64::from(2 * plan.min)).sqrt();
         println!(
-            "{tolerance:?}: bright samples bring {lit:.3}, sparse ones {sparse:.3} ± {deviation:.3}, bias of the mean {:+.1} %, {n_samples:.1} samples",
-            100.0 * (lit - 1.0) / (1.0 + smooth * per_row / N_LIT as f64)
+            "{tolerance:?}: large samples bring {reached:.3}, sparse ones {sparse:.3} ± {deviation:.3}, bias of the mean {:+.1} %, {n_samples:.1} samples",
+            100.0 * (reached - 1.0) / (1.0 + smooth * per_row / N_REACHED as f64)
         );
         assert_eq!(n_parted > 0, independent, "{tolerance:?}: {n_parted} blocks have rows of both kinds");
         assert!(n_samples < 0.9 * f64::from(2 * plan.max), "{tolerance:?} stops nowhere");
-        assert!((lit - 1.0).abs() < 4.0 * deviation, "{tolerance:?}: {lit} for 1 ± {deviation}");
+        assert!((reached - 1.0).abs() < 4.0 * deviation, "{tolerance:?}: {reached} for 1 ± {deviation}");
         assert!((sparse - 1.0).abs() < 4.0 * deviation, "{tolerance:?}: sparse {sparse} for 1 ± {deviation}");
     }
 }

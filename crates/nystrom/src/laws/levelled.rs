@@ -23,6 +23,11 @@ use crate::{
 
 /// The factors of a case within a mean square error per entry, all columns together kept as they were sampled.
 fn found(case: &Case, asked: f32, max_rank: u32, smooths: bool) -> Unpacked {
+    found_with(NoisyColumns::default(), case, asked, max_rank, smooths)
+}
+
+/// The same, and what becomes of columns that are noisier than others.
+fn found_with(noisy_columns: NoisyColumns, case: &Case, asked: f32, max_rank: u32, smooths: bool) -> Unpacked {
     let (n_rows, n_cols) = case.truth.shape();
     let rows = case.halves.each_ref().map(|half| half.transpose().iter().copied().collect::<Vec<f32>>());
     let halves = rows.each_ref().map(Vec::as_slice);
@@ -33,7 +38,8 @@ fn found(case: &Case, asked: f32, max_rank: u32, smooths: bool) -> Unpacked {
     let partition = Partition { width: n_bundles, height: 1, tile: n_bundles };
     let columns = vec![ColumnRun::Grid { width: n_cols as u32, height: 1 }];
     let smoothing = smooths.then(|| Arc::new(Smoothing::new(partition, case.bundle_len, vec![columns])));
-    let config = CompressConfig { groups: vec![group.clone()], max_rank, smoothing, ..CompressConfig::default() };
+    let groups = vec![group.clone()];
+    let config = CompressConfig { groups, max_rank, smoothing, noisy_columns, ..CompressConfig::default() };
     compress::unpacked(&samples, &group, &config, 0, &mut Means::default()).unwrap()
 }
 
@@ -115,6 +121,25 @@ fn what_is_told_holds_for_99_in_100_seeds_where_noise_is_in_the_way() {
         assert!(held >= 990, "noise {noise}, {of_some} times in some: {held} of 1000 hold");
         assert!((0.85..1.3).contains(&ratio), "noise {noise}, {of_some} times in some: told {ratio} times the error");
     }
+}
+
+/// The noise of each eighth column is four times that of the others.
+#[test]
+fn columns_are_decomposed_as_they_were_sampled_where_that_is_asked_for() {
+    let recipe = recipe(7);
+    let mut case = recipe.noisy(recipe.truth(), 0, 0.1);
+    let rng = &mut Random::new([7, 94]);
+    for half in &mut case.halves {
+        for mut column in half.column_iter_mut().step_by(8) {
+            column.iter_mut().for_each(|x| *x += 0.4 * rng.normal());
+        }
+    }
+    let of = |noisy_columns| found_with(noisy_columns, &case, asked(0.1), 96, false);
+    let [divided, as_sampled] = [NoisyColumns::Divided, NoisyColumns::AsSampled].map(of);
+    assert_eq!(divided.right.data, found(&case, asked(0.1), 96, false).right.data, "the default");
+    assert_ne!(divided.right.data, as_sampled.right.data);
+    let error = distance(&case, &as_sampled);
+    assert!(error < case.distance(&case.mean()), "{error}: not even as near as the samples");
 }
 
 #[test]

@@ -12,7 +12,7 @@ const N_ROWS: usize = BUNDLE * SIDE * SIDE;
 const N_COLS: usize = SIDE * SIDE;
 const N_RECIPES: u64 = 400;
 
-/// A matrix that is smooth but for peaks, one in each row of some, each in a column of its own: a mirror's.
+/// A matrix that is smooth but for peaks, one in each row of some, each in a column of its own.
 #[derive(Clone, Copy)]
 struct Recipe {
     /// Height of the peaks over what is smooth.
@@ -21,12 +21,12 @@ struct Recipe {
     share: f64,
     /// Standard deviation of a half's noise.
     noise: f32,
-    /// Share of a half's entries that are rare bright samples, and how bright those are.
+    /// Share of a half's entries that are rare large samples, and how large those are.
     rare: (f64, f32),
     seed: u64,
 }
 
-/// So many of them, those with high peaks and rare bright samples among them.
+/// So many of them, those with high peaks and rare large samples among them.
 fn recipes(n: u64) -> impl Iterator<Item = Recipe> {
     (0..n).map(|seed| {
         let rng = &mut Random::new([seed, 80]);
@@ -102,7 +102,7 @@ fn factors_are_never_worse_than_what_was_sampled() {
     assert!(of_sums < 1.02, "{of_sums}");
 }
 
-/// Smooth columns, in a few of which there are rare samples that are far brighter than all else: what is quiet is not dropped for them.
+/// Smooth columns, in a few of which there are rare samples that are far larger than all else: what is quiet is not dropped for them.
 #[test]
 fn most_columns_are_never_worse_than_what_was_sampled() {
     let median = |seed: u64| {

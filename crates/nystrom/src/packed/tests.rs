@@ -39,7 +39,7 @@ fn example(noise: f32) -> BlockLowRank {
 }
 
 fn plan(allowed: f32) -> PackPlan {
-    PackPlan { columns: columns(), allowed, bright: 0.0, preserved: vec![1.0; 67] }
+    PackPlan { columns: columns(), allowed, strong: 0.0, preserved: vec![1.0; 67] }
 }
 
 /// Mean square difference over the blocks that are there.
@@ -100,9 +100,9 @@ fn the_preserved_product_is_kept_to_a_share_of_itself_whatever_is_allowed() {
         bare.error.noise = 0.0;
         *block = Arc::new(bare);
     }
-    // A block a thousand times darker than the others, which rounds to nothing.
-    let dark = Arc::make_mut(matrix.blocks[1].as_mut().unwrap());
-    dark.scale.iter_mut().for_each(|scale| *scale /= 1024.0);
+    // A block a thousand times weaker than the others, which rounds to nothing.
+    let weak = Arc::make_mut(matrix.blocks[1].as_mut().unwrap());
+    weak.scale.iter_mut().for_each(|scale| *scale /= 1024.0);
     let worst = |plan: &PackPlan| {
         let unpacked = PackedMatrix::pack(&matrix, plan).unpack().unwrap();
         let both = matrix.blocks.iter().flatten().zip(unpacked.blocks.iter().flatten());
@@ -121,20 +121,20 @@ fn the_preserved_product_is_kept_to_a_share_of_itself_whatever_is_allowed() {
 }
 
 #[test]
-fn dark_blocks_are_stored_more_finely_where_brightness_is_told() {
+fn weak_blocks_are_stored_more_finely_where_it_is_told_which_are_strong() {
     let mut matrix = example(0.05);
-    let dark = Arc::make_mut(matrix.blocks[1].as_mut().unwrap());
-    dark.scale.iter_mut().for_each(|scale| *scale /= 16.0);
-    dark.sparse.clear();
-    let error = |bright: f32| {
-        let plan = PackPlan { bright, preserved: Vec::new(), ..plan(1e-3) };
+    let weak = Arc::make_mut(matrix.blocks[1].as_mut().unwrap());
+    weak.scale.iter_mut().for_each(|scale| *scale /= 16.0);
+    weak.sparse.clear();
+    let error = |strong: f32| {
+        let plan = PackPlan { strong, preserved: Vec::new(), ..plan(1e-3) };
         let unpacked = PackedMatrix::pack(&matrix, &plan).unpack().unwrap();
         let [a, b] = [&matrix, &unpacked].map(|matrix| matrix.blocks[1].as_ref().unwrap().dense());
         a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
     };
-    // All blocks are darker than 1: by the square root of their mean squares.
-    let (plain, shaded) = (error(0.0), error(1.0));
-    assert!(shaded < 0.3 * plain, "{shaded} {plain}");
+    // All blocks are weaker than 1: by the square root of their mean squares.
+    let (plain, tightened) = (error(0.0), error(1.0));
+    assert!(tightened < 0.3 * plain, "{tightened} {plain}");
 }
 
 /// The noise of one column says nothing of the others.
@@ -193,14 +193,14 @@ fn long_strip(size: impl Fn(usize) -> f32) -> BlockLowRank {
 const LONG: usize = 2200;
 
 #[test]
-fn blocks_between_thousands_of_empty_or_dark_ones_are_stored_as_exactly_as_asked() {
+fn blocks_between_thousands_of_empty_or_weak_ones_are_stored_as_exactly_as_asked() {
     let allowed = 1e-3;
     let lone = |block_idx: usize| if block_idx == 1234 { 1.0 } else { 0.0 };
     let third = |block_idx: usize| if block_idx % 3 == 1 { 1.0 } else { 0.0 };
     let half = |block_idx: usize| if block_idx % 40 < 20 { 1.0 } else { 0.0 };
-    let dark_third = |block_idx: usize| if block_idx.is_multiple_of(3) { 1e-3 } else { 1.0 };
+    let weak_third = |block_idx: usize| if block_idx.is_multiple_of(3) { 1e-3 } else { 1.0 };
     let strips: [(&str, &dyn Fn(usize) -> f32); 4] =
-        [("lone", &lone), ("third", &third), ("half", &half), ("dark third", &dark_third)];
+        [("lone", &lone), ("third", &third), ("half", &half), ("weak third", &weak_third)];
     for (name, size) in strips {
         let matrix = long_strip(size);
         let plan = PackPlan { preserved: Vec::new(), ..plan(allowed) };
@@ -286,7 +286,7 @@ fn blocks_of_nobody_are_errors_and_never_panics() {
 fn nothing_and_next_to_nothing_pack() {
     let partition = Partition { width: 3, height: 1, tile: 2 };
     let mut matrix = BlockLowRank::new(partition, 1, 1);
-    let plan = PackPlan { columns: vec![ColumnRun::List(1)], allowed: 1e-3, bright: 0.0, preserved: Vec::new() };
+    let plan = PackPlan { columns: vec![ColumnRun::List(1)], allowed: 1e-3, strong: 0.0, preserved: Vec::new() };
     let there_and_back = |matrix: &BlockLowRank| PackedMatrix::pack(matrix, &plan).unpack().unwrap();
     assert!(there_and_back(&matrix).blocks.iter().all(Option::is_none));
     let zero = BlockFactors::from_f32(&[], &[], 2, 1, 0);
@@ -312,8 +312,8 @@ fn the_same_matrix_gives_the_same_bytes_on_any_number_of_threads() {
 fn products_in_cosines_are_those_of_the_factors() {
     let mut matrix = example(0.02);
     // A block that holds nothing but the kept direction, and one that holds nothing but sparse entries.
-    let dark = Arc::make_mut(matrix.blocks[1].as_mut().unwrap());
-    dark.scale.iter_mut().for_each(|scale| *scale /= 1024.0);
+    let weak = Arc::make_mut(matrix.blocks[1].as_mut().unwrap());
+    weak.scale.iter_mut().for_each(|scale| *scale /= 1024.0);
     Arc::make_mut(matrix.blocks[2].as_mut().unwrap()).scale.fill(0.0);
     let packed = PackedMatrix::pack(&matrix, &plan(1e-3));
     let (product, unpacked) = (packed.product().unwrap(), packed.unpack().unwrap());

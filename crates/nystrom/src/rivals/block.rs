@@ -115,7 +115,7 @@ impl Fitted {
                 break;
             }
             if rank == limit {
-                // A method without an answer is no method for this block; it is not passed off as a dark one.
+                // A method without an answer is no method for this block; it is not passed off as a block of zeros.
                 return failure.filter(|_| best.1 == 0).map_or(Ok(best.1), Err);
             }
             below = rank;

@@ -89,7 +89,7 @@ fn nothing_is_nearer_than_the_singular_value_decomposition() {
 fn the_best_core_for_the_same_rows_and_columns_is_the_best() {
     for seed in 0..10 {
         let matrix = spectrum::<f64>(60, 40, 0.75, seed);
-        for algorithm in [Method::Alg1, Method::Alg2, Method::Alg3, Method::Alg4] {
+        for algorithm in [Method::Alg1, Method::Alg2, Method::Alg3, Method::Alg4, Method::Alg4Union] {
             let of = |core| error(&matrix, &found(algorithm(core), &matrix, 8, seed));
             let (projection, qr) = (of(Core::Projection), of(Core::Qr));
             assert!(projection <= qr * 1.000_001, "{projection} > {qr}");

@@ -43,7 +43,8 @@ impl Method {
     /// The kernel with its usual threshold, the power found.
     pub const KERNEL: Method = Method::Kernel { gamma: None, rcond: Method::KERNEL_RCOND };
 
-    /// Every method, the chosen rows and columns with every core.
+    /// Every method, the chosen rows and columns with every core; but for [`Method::Alg4Union`], a variant to be held against
+    /// [`Method::Alg4`].
     pub const ALL: [Method; 29] = {
         let mut all = [Method::Svd; 29];
         let mut i = 0;
@@ -76,7 +77,7 @@ impl Method {
     /// Keys of the papers that it follows, see `docs/references.md`.
     pub fn papers(self) -> &'static [&'static str] {
         match self {
-            Method::Alg1(core) | Method::Alg2(core) | Method::Alg4(core) => match core {
+            Method::Alg1(core) | Method::Alg2(core) | Method::Alg4(core) | Method::Alg4Union(core) => match core {
                 Core::Inverse | Core::PseudoInverse { .. } => &["Drineas2005", "Zhang2008"],
                 Core::Tikhonov { .. } => &["Tikhonov1963", "Zhang2008"],
                 Core::Qr => &["Stewart1999", "Zhang2008"],
@@ -114,7 +115,7 @@ impl Method {
 
     /// Whether it is one of a kind: no algorithm that takes a core.
     pub fn is_by_itself(self) -> bool {
-        !matches!(self, Method::Alg1(_) | Method::Alg2(_) | Method::Alg3(_) | Method::Alg4(_))
+        !matches!(self, Method::Alg1(_) | Method::Alg2(_) | Method::Alg3(_) | Method::Alg4(_) | Method::Alg4Union(_))
     }
 
     /// Whether the approximation is a product of factors, so that a product with a vector needs no entry of it.
@@ -146,6 +147,7 @@ impl fmt::Display for Method {
             Method::Alg2(core) => return write!(f, "alg2:{core}"),
             Method::Alg3(core) => return write!(f, "alg3:{core}"),
             Method::Alg4(core) => return write!(f, "alg4:{core}"),
+            Method::Alg4Union(core) => return write!(f, "alg4-union:{core}"),
             Method::Kernel { gamma, rcond } => {
                 let power = gamma.map_or(String::new(), |gamma| format!("={gamma}"));
                 let threshold = if *rcond == Method::KERNEL_RCOND { String::new() } else { format!(":rcond={rcond}") };
@@ -191,6 +193,7 @@ impl FromStr for Method {
             Some(("alg2", core)) => with_core(Method::Alg2, core),
             Some(("alg3", core)) => with_core(Method::Alg3, core),
             Some(("alg4", core)) => with_core(Method::Alg4, core),
+            Some(("alg4-union", core)) => with_core(Method::Alg4Union, core),
             Some((kernel, threshold)) => match (with_positive(kernel), with_positive(threshold)) {
                 (Ok(("kernel", gamma)), Ok(("rcond", Some(rcond)))) => Ok(Method::Kernel { gamma, rcond }),
                 _ => Err(unknown()),
@@ -228,6 +231,7 @@ mod tests {
         assert_eq!(names.len(), Method::ALL.len());
         for (told, name) in [
             (Method::Alg2(Core::PseudoInverse { rcond: 0.25 }), "alg2:pinv=0.25"),
+            (Method::Alg4Union(Core::Qr), "alg4-union:qr"),
             (Method::Kernel { gamma: Some(0.25), rcond: Method::KERNEL_RCOND }, "kernel=0.25"),
             (Method::Kernel { gamma: None, rcond: 0.5 }, "kernel:rcond=0.5"),
             (Method::Kernel { gamma: Some(0.25), rcond: 0.5 }, "kernel=0.25:rcond=0.5"),
@@ -238,7 +242,7 @@ mod tests {
 
     #[test]
     fn other_names_are_refused() {
-        let of_cores = ["alg5:qr", "alg4", "alg4:", "alg4:pinv=0", "alg4:qr=1", "svd:qr"];
+        let of_cores = ["alg5:qr", "alg4", "alg4:", "alg4:pinv=0", "alg4:qr=1", "alg4-union", "svd:qr"];
         let of_kernels = ["kernel=nan", "kernel=-1", "kernel:", "kernel:rcond", "kernel:rcond=0", "kernel:pinv=1"];
         for name in ["", "SVD", "svd=2"].into_iter().chain(of_cores).chain(of_kernels) {
             assert_eq!(name.parse::<Method>().map_err(|error| error.0), Err(name.to_string()));

@@ -12,12 +12,12 @@ const WIDTH: usize = 16;
 const N_ROWS: usize = 3 * WIDTH * WIDTH;
 const N_COLS: usize = 64 + 5;
 
-/// A soft shadow of every column of a grid over an uneven ground with a sharp edge, and five more columns.
+/// A smooth bump for every column of a grid, times uneven rows with a sharp edge, and five more columns.
 fn signal() -> Vec<f32> {
     let entry = |at: usize| {
         let (row, col) = (at / N_COLS, at % N_COLS);
-        let (x, y, channel) = ((row / 3 % WIDTH) as f32, (row / 3 / WIDTH) as f32, (row % 3) as f32);
-        let ground = if x < 5.0 { 1.0 } else { 0.4 } * (1.0 + 0.2 * channel);
+        let (x, y, nth) = ((row / 3 % WIDTH) as f32, (row / 3 / WIDTH) as f32, (row % 3) as f32);
+        let ground = if x < 5.0 { 1.0 } else { 0.4 } * (1.0 + 0.2 * nth);
         let (u, v) = ((col % 8) as f32, (col / 8) as f32);
         if col < 64 { ground / (1.0 + 0.02 * ((x - 2.0 * u).powi(2) + (y - 2.0 * v).powi(2))) } else { ground * u }
     };

@@ -19,8 +19,8 @@ use crate::{
 
 /// Distance from the truth that is asked for, as a share of the norm: 30 dB.
 pub const ASKED: f64 = 0.031_622_776_6;
-/// Root mean square from which on a block is no dark one, over that of the case: half of the mean square is left to it.
-const BRIGHT: f64 = 2.0;
+/// Root mean square from which on a block is no weak one, over that of the case: half of the tolerance is left to it.
+const STRONG: f64 = 2.0;
 
 /// What becomes of a case, step by step. All are distances from the truth if nothing else is said.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,13 +81,13 @@ pub fn baked(case: &Case) -> Result<Baked, BakedError> {
     let [width, height] = sides(n_cols as u32);
     let (columns, preserved) = (vec![ColumnRun::Grid { width, height }], vec![1.0; n_cols]);
     let asked = ASKED * case.norm();
-    let (allowed, bright) = ((asked * asked / entries) as f32, (BRIGHT * case.norm() / entries.sqrt()) as f32);
+    let (allowed, strong) = ((asked * asked / entries) as f32, (STRONG * case.norm() / entries.sqrt()) as f32);
     let tolerance = Tolerance::AbsoluteMeanSquare(allowed);
     let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved: preserved.clone(), share: 1.0 };
     let smoothing = Smoothing::new(partition.clone(), case.bundle_len, vec![columns.clone()]);
     let config = CompressConfig {
         groups: vec![group],
-        bright,
+        strong,
         smoothing: Some(Arc::new(smoothing)),
         ..CompressConfig::default()
     };
@@ -103,7 +103,7 @@ pub fn baked(case: &Case) -> Result<Baked, BakedError> {
         likeness: &likeness,
     };
     let denoised = denoiser.all(std::slice::from_ref(&sampled), &|| true).expect("nobody says no").remove(0);
-    let plan = PackPlan { columns: columns.clone(), allowed, bright, preserved: preserved.clone() };
+    let plan = PackPlan { columns: columns.clone(), allowed, strong, preserved: preserved.clone() };
     let mut bytes = Vec::new();
     PackedMatrix::pack(&denoised, &plan).encode(&mut bytes);
     let unpacked = PackedMatrix::decode(&bytes, partition.clone(), bundle_len, columns)?.0.unpack()?;

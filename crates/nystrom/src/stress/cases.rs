@@ -62,9 +62,9 @@ fn alike(rng: &mut Random) -> Vec<Case> {
     let cols = DMatrix::from_fn(SHAPE.0, SHAPE.1, |row, col| clean[(row, col / 4)]);
     let both = DMatrix::from_fn(SHAPE.0, SHAPE.1, |row, col| clean[(row / 4, col % 16)]);
     let first = clean.row(0).into_owned();
-    let shades = normal(SHAPE, rng) * 1e-6;
+    let rests = normal(SHAPE, rng) * 1e-6;
     let nearly =
-        DMatrix::from_fn(SHAPE.0, SHAPE.1, |row, col| first[col] * (1.0 + (row % 7) as f64) + shades[(row, col)]);
+        DMatrix::from_fn(SHAPE.0, SHAPE.1, |row, col| first[col] * (1.0 + (row % 7) as f64) + rests[(row, col)]);
     vec![
         exact("decaying spectrum", clean, RANK),
         exact("rows four times", rows, RANK),
@@ -132,6 +132,7 @@ fn scales(rng: &mut Random) -> Vec<Case> {
     let scaled = |scale: &dyn Fn(usize, usize) -> f64| {
         DMatrix::from_fn(SHAPE.0, SHAPE.1, |row, col| clean[(row, col)] * scale(row, col))
     };
+    let every_other = |row: usize, col: usize| if (row + col).is_multiple_of(2) { 1.0f64 } else { 1e-40 };
     let mut spike = clean.clone();
     spike[(50, 20)] += 1e6;
     vec![
@@ -142,6 +143,7 @@ fn scales(rng: &mut Random) -> Vec<Case> {
         exact("scale 1e30", scaled(&|_, _| 1e30), RANK),
         exact("scale 1e-30", scaled(&|_, _| 1e-30), RANK),
         exact("denormal numbers", scaled(&|_, _| 1e-40), RANK),
+        exact("every other entry denormal", scaled(&every_other), RANK),
         exact("one entry of 1e6", spike, RANK),
     ]
 }

@@ -57,7 +57,7 @@ impl BakeHeader {
             let plan = |group: &ColumnGroup| PackPlan {
                 columns: self.basis.runs(group),
                 allowed: allowed(group.kind),
-                bright: BRIGHT,
+                strong: BRIGHT,
                 preserved: file_light[group.columns.start as usize..group.columns.end as usize].to_vec(),
             };
             self.basis.groups.iter().map(plan).collect()

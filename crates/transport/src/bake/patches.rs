@@ -21,7 +21,7 @@ pub(super) const PATCH_TOLERANCE_DB: f32 = 30.0;
 /// What arrives over what is seen, squared: 2π where half of the light comes back.
 const ARRIVING: f32 = 39.5;
 /// Samples of each half before the first look at the tolerance.
-const FIRST_LOOK: u32 = 4;
+const FIRST_LOOK: u32 = 8;
 
 impl BakeJob {
     /// Learns patches, if they are asked for, and adds their columns.
@@ -136,7 +136,7 @@ impl BakeJob {
             samples: SamplePlan { batch: max.min(8), min: max.min(FIRST_LOOK), max },
             seed: self.config.seed,
             max_rank: most_rank(self.config.block),
-            bright: BRIGHT,
+            strong: BRIGHT,
             ..CompressConfig::default()
         }
     }

@@ -7,7 +7,7 @@ use glam::{Quat, Vec3, Vec4};
 use super::pictures;
 use super::stage::{Stage, lambert, pane, quad, room};
 use super::walks::{Mean, Walks, assert_same_mean, file_light};
-use crate::bake::{Bake, BakeConfig};
+use crate::bake::{Bake, BakeConfig, Indirect};
 use crate::camera::{Camera, Film};
 use crate::emitters::SkyRequest;
 use crate::empty::EmptyPixels;
@@ -337,6 +337,16 @@ fn blocks_that_stop_early_have_the_mean_of_those_that_go_on() {
     assert!(saved > 0.2 && none == 0.0, "{saved}");
     let [a, b] = [&with, &without].map(relit);
     assert_same_mean(&a, &b, 2e-2, "a bake that takes all samples");
+}
+
+#[test]
+fn colors_that_judge_each_other_save_samples() {
+    let stage = Stage::new(inside()).surface("walls", &room(HALF), lambert(0.6, 0.0));
+    let scene = stage.lamp("lamp", Vec3::new(-0.3, 0.5, 0.2), 0.5).prepared();
+    let config = BakeConfig { spp: 64, tolerance_db: 15.0, indirect: Indirect::Shared, ..BakeConfig::default() };
+    let [with, without] = [scene.clone(), scene.without_colors()]
+        .map(|scene| pictures::baked(&Arc::new(scene), FILM, config.clone()).figures().skipped.samples_saved);
+    assert!(with > without, "{with} of the samples are saved, and {without} without colors");
 }
 
 #[test]

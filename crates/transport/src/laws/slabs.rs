@@ -10,7 +10,7 @@ use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
 use crate::emitters::SkyRequest;
 use crate::lamps::tests::lamp;
-use crate::lamps::{FreeLamp, LampShape, PreparedLamps};
+use crate::lamps::{FreeLamp, Lacking, LampShape, PreparedLamps};
 use crate::patches::PatchSample;
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
@@ -256,11 +256,16 @@ fn parallel_light_of_a_look_brings_its_lux_however_wide_its_disk_is() {
     }
 }
 
+/// What a lamp's light lacks on a stage.
+fn lacking(lamp: FreeLamp, stage: Stage) -> Lacking {
+    let told = PreparedLamps::new(&[lamp], None).unwrap().0.lacking(&stage.prepared());
+    assert!(told.iter().all(|(key, _)| key == "lamp"), "{told:?}");
+    told.first().map(|(_, lacking)| *lacking).unwrap_or_default()
+}
+
 /// Share of a lamp's light that panes and coats mirror onto other surfaces, 0 where it is not told.
 fn mirrored(lamp: FreeLamp, stage: Stage) -> f32 {
-    let told = PreparedLamps::new(&[lamp], None).unwrap().0.mirrored(&stage.prepared());
-    assert!(told.iter().all(|(key, _)| key == "lamp"), "{told:?}");
-    told.first().map_or(0.0, |(_, share)| *share)
+    lacking(lamp, stage).mirrored
 }
 
 #[test]
@@ -290,6 +295,31 @@ fn what_panes_and_coats_mirror_of_a_lamps_light_is_told() {
     for material in [tint(0.5), Material { roughness: 0.3, ..pane() }, mirror, lambert(ALBEDO, 0.0)] {
         assert_eq!(mirrored(spot(), closed(&thin, material.clone())), 0.0, "{material:?}");
     }
+}
+
+#[test]
+fn what_mirrors_and_clear_bodies_get_of_a_lamps_light_is_told() {
+    let stage = |material| {
+        let above = quad(Vec3::new(-1.0, 2.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0);
+        floor(lambert(ALBEDO, 0.0)).surface("above", &above, material)
+    };
+    let caustic =
+        |shape, stage: Stage| lacking(FreeLamp { position: Vec3::Y, aim: Vec3::Y * 2.0, ..lamp(shape) }, stage).caustic;
+    let mirror = |metallic, roughness| Material { metallic, roughness, ..Material::default() };
+    // A square of 2 m seen from 1 m below its middle takes a sixth of all directions, like the side of a cube around the lamp.
+    for (material, share) in [(mirror(1.0, 0.0), 1.0), (mirror(0.75, 0.0), 0.75), (glass(), 1.0)] {
+        let found = caustic(LampShape::Point, stage(material.clone()));
+        assert!((found - share / 6.0).abs() < 0.01, "{found} of {material:?}");
+    }
+    let spot = || LampShape::Spot { inner_rad: 0.1, outer_rad: 0.1 };
+    assert!((caustic(spot(), stage(mirror(1.0, 0.0))) - 1.0).abs() < 1e-3);
+    for material in [mirror(1.0, 0.2), mirror(0.0, 0.0), pane(), lambert(ALBEDO, 0.0)] {
+        assert_eq!(caustic(spot(), stage(material.clone())), 0.0, "{material:?}");
+    }
+    // What a pane lets pass goes on to the mirror behind it.
+    let between = quad(Vec3::new(-1.0, 1.5, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0);
+    let found = caustic(spot(), stage(mirror(1.0, 0.0)).surface("pane", &between, pane()));
+    assert!((0.9..0.97).contains(&found), "{found} behind a pane");
 }
 
 #[test]

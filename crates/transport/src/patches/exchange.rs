@@ -8,6 +8,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::nearest::Nearest;
+use super::strips::{Link, Strips};
 use crate::path::{Integrator, Landing, NoLights, Onward};
 use crate::sampler::Sampler;
 
@@ -49,6 +50,12 @@ impl Row {
         Onward::Narrow
     }
 
+    /// Forgets all that was taken.
+    pub fn clear(&mut self) {
+        self.known.clear();
+        self.straight.clear();
+    }
+
     /// Divides all by a number of walks, and joins what came of the same patch.
     pub fn finish(&mut self, walks: f32) {
         for shares in [&mut self.known, &mut self.straight] {
@@ -61,15 +68,6 @@ impl Row {
                 same
             });
             shares.iter_mut().for_each(|share| share.weight /= walks);
-        }
-    }
-
-    /// Adds weighted rows of a table with one row per patch, given what makes a number of a color.
-    fn add(shares: &[Share], table: &[f32], weigh: impl Fn(Vec3) -> f32, out: &mut [f32]) {
-        for share in shares {
-            let light = &table[share.patch as usize * out.len()..][..out.len()];
-            let weight = weigh(share.weight);
-            out.iter_mut().zip(light).for_each(|(out, light)| *out += weight * light);
         }
     }
 }
@@ -146,68 +144,63 @@ impl Exchange {
     /// All light that patches receive, given what comes straight from lamps: rows of `direct` are patches. And which
     /// bounces between patches that counts.
     pub fn solve(&self, direct: &[f32], tint: Tint) -> (Vec<f32>, Bounces) {
-        let len = direct.len() / self.rows.len().max(1);
-        let first = sweep([direct, direct], len, |patch| &self.rows[patch].straight, tint);
+        let direct = Strips::of(direct, direct.len() / self.rows.len().max(1));
+        let first = direct.plus(&linked(&self.rows, |row| &row.straight, tint), &direct);
+        let known = linked(&self.rows, |row| &row.known, tint);
         let (mut light, mut bounces, mut last) = (first.clone(), Bounces::default(), 0.0);
         while bounces.followed < self.most_bounces {
-            let next = sweep([&first, &light], len, |patch| &self.rows[patch].known, tint);
+            let next = first.plus(&known, &light);
             let before = std::mem::replace(&mut light, next);
-            let change = distance(&light, &before);
+            let change = light.distance(&before);
             bounces.followed += 1;
-            let is_last = bounces.followed == MOST_SWEEPS || change <= SETTLED * distance(&light, &first);
+            let is_last = bounces.followed == MOST_SWEEPS || change <= SETTLED * light.distance(&first);
             if is_last && bounces.followed < self.most_bounces {
                 bounces.tail = tail(change, last);
-                extrapolate(&mut light, &before, bounces.tail);
+                light.extrapolate(&before, bounces.tail);
                 break;
             }
             last = change;
         }
-        (light, bounces)
+        (light.row_major(), bounces)
     }
 
     /// What receivers take of light straight from lamps, by all ways, given what they take of all light of patches and of
     /// such light alone: rows are patches, as in [`Exchange::solve`], of which this is the transpose for the same bounces.
     pub fn solve_transposed(&self, [known, straight]: [&[f32]; 2], bounces: Bounces, tint: Tint) -> Vec<f32> {
-        let len = known.len() / self.rows.len().max(1);
-        let (by_known, by_straight) = (self.transposed(|row| &row.known), self.transposed(|row| &row.straight));
-        let (mut taken, mut before) = (known.to_vec(), Vec::new());
+        let known = Strips::of(known, known.len() / self.rows.len().max(1));
+        let by_known = self.transposed(|row| &row.known, tint);
+        let (mut taken, mut before) = (known.clone(), Strips::default());
         for _ in 0..bounces.followed {
-            let next = sweep([known, &taken], len, |patch| &by_known[patch], tint);
+            let next = known.plus(&by_known, &taken);
             before = std::mem::replace(&mut taken, next);
         }
-        extrapolate(&mut taken, &before, bounces.tail);
-        let mut out = sweep([&taken, &taken], len, |patch| &by_straight[patch], tint);
+        taken.extrapolate(&before, bounces.tail);
+        let mut out = taken.plus(&self.transposed(|row| &row.straight, tint), &taken).row_major();
         out.iter_mut().zip(straight).for_each(|(out, straight)| *out += straight);
         out
     }
 
-    fn transposed(&self, of: impl Fn(&Row) -> &Vec<Share>) -> Vec<Vec<Share>> {
+    fn transposed(&self, of: impl Fn(&Row) -> &Vec<Share>, tint: Tint) -> Vec<Vec<Link>> {
         let mut out = vec![Vec::new(); self.rows.len()];
         for (patch, row) in (0u32..).zip(&self.rows) {
             for share in of(row) {
-                out[share.patch as usize].push(Share { patch, ..*share });
+                out[share.patch as usize].push((patch, tint.of(share.weight)));
             }
         }
         out
     }
 }
 
-/// `base + shares · light`, rows of `len` numbers, given the shares of each patch.
-fn sweep<'a>([base, light]: [&[f32]; 2], len: usize, of: impl Fn(usize) -> &'a [Share] + Sync, tint: Tint) -> Vec<f32> {
-    let mut out = base.to_vec();
-    let rows = out.par_chunks_mut(len.max(1)).enumerate();
-    rows.for_each(|(patch, out)| Row::add(of(patch), light, |color| tint.of(color), out));
-    out
+/// Shares of rows as sums of rows of a table that has one for each patch.
+fn linked(rows: &[Row], of: impl Fn(&Row) -> &Vec<Share>, tint: Tint) -> Vec<Vec<Link>> {
+    let link = |share: &Share| (share.patch, tint.of(share.weight));
+    rows.iter().map(|row| of(row).iter().map(link).collect()).collect()
 }
 
 /// What rows take of light, given all of it and what of it comes straight from lamps.
 pub(super) fn taken(rows: &[Row], [all, straight]: [&[f32]; 2], len: usize, tint: Tint) -> Vec<f32> {
-    let mut out = vec![0.0; rows.len() * len];
-    out.par_chunks_mut(len.max(1)).zip(rows).for_each(|(out, row)| {
-        Row::add(&row.known, all, |color| tint.of(color), out);
-        Row::add(&row.straight, straight, |color| tint.of(color), out);
-    });
-    out
+    let known = Strips::zeros(rows.len(), len).plus(&linked(rows, |row| &row.known, tint), &Strips::of(all, len));
+    known.plus(&linked(rows, |row| &row.straight, tint), &Strips::of(straight, len)).row_major()
 }
 
 /// What all bounces after the last bring, as a multiple of it, given the sizes of the last two.
@@ -216,14 +209,77 @@ fn tail(last: f64, one_before: f64) -> f32 {
     if left.is_finite() { (left / (1.0 - left)) as f32 } else { 0.0 }
 }
 
-/// Adds what changed, so many times more.
-fn extrapolate(light: &mut [f32], before: &[f32], times: f32) {
-    light.par_iter_mut().zip(before).for_each(|(x, before)| *x += times * (*x - before));
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::uniform_hash;
 
-/// Sum of the sizes of differences.
-fn distance(a: &[f32], b: &[f32]) -> f64 {
-    let part = |(a, b): (&[f32], &[f32])| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();
-    // Summed in order, so that threads do not change it.
-    a.par_chunks(4096).zip(b.par_chunks(4096)).map(part).collect::<Vec<_>>().iter().sum()
+    const PATCHES: usize = 40;
+    const LAMPS: usize = 19;
+    const PIXELS: usize = 5;
+
+    fn numbers(n: usize, key: u64) -> Vec<f32> {
+        (0..n as u64).map(|nth| uniform_hash(key + nth)).collect()
+    }
+
+    /// A row of shares whose sum is about `whole`.
+    fn shares(n: u64, whole: f32, key: u64) -> Vec<Share> {
+        let weight = |key: u64| Vec3::from_slice(&numbers(3, key)) * (2.0 * whole / n as f32);
+        let patch = |key: u64| (uniform_hash(key) * PATCHES as f32) as u32;
+        (0..n).map(|nth| Share { patch: patch(key + 4 * nth), weight: weight(key + 4 * nth + 1) }).collect()
+    }
+
+    fn rows(n: usize, key: u64) -> Vec<Row> {
+        let row = |nth: u64| {
+            let key = key + 1000 * nth;
+            Row { known: shares(12, 0.6, key), straight: shares(4, 0.1, key + 500) }
+        };
+        (0..n as u64).map(row).collect()
+    }
+
+    #[test]
+    fn light_that_is_solved_for_is_what_patches_send_on() {
+        let exchange = Exchange { rows: rows(PATCHES, 100_000), most_bounces: u32::MAX };
+        let direct = numbers(PATCHES * LAMPS, 1);
+        for tint in [Tint::Gray, Tint::Channel(1)] {
+            let (light, _) = exchange.solve(&direct, tint);
+            for (at, found) in light.iter().enumerate() {
+                let (patch, lamp) = (at / LAMPS, at % LAMPS);
+                let of = |shares: &[Share], light: &[f32]| -> f32 {
+                    shares.iter().map(|s| tint.of(s.weight) * light[s.patch as usize * LAMPS + lamp]).sum()
+                };
+                let row = &exchange.rows[patch];
+                let expected = direct[at] + of(&row.straight, &direct) + of(&row.known, &light);
+                assert!((found / expected - 1.0).abs() < 0.01, "{tint:?}: {found} for {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn pixels_take_of_light_what_its_transpose_says() {
+        let pixels = rows(PIXELS, 900_000);
+        for most_bounces in [0, 2, u32::MAX] {
+            let exchange = Exchange { rows: rows(PATCHES, 100_000), most_bounces };
+            let direct = numbers(PATCHES * LAMPS, 1);
+            let (light, bounces) = exchange.solve(&direct, Tint::Gray);
+            let pictures = taken(&pixels, [&light, &direct], LAMPS, Tint::Gray);
+            let gathered = |of: fn(&Row) -> &Vec<Share>| {
+                let mut out = vec![0.0; PATCHES * PIXELS];
+                for (pixel, row) in pixels.iter().enumerate() {
+                    for share in of(row) {
+                        out[share.patch as usize * PIXELS + pixel] += Tint::Gray.of(share.weight);
+                    }
+                }
+                out
+            };
+            let (known, straight) = (gathered(|row| &row.known), gathered(|row| &row.straight));
+            let transposed = exchange.solve_transposed([&known, &straight], bounces, Tint::Gray);
+            for (at, found) in pictures.iter().enumerate() {
+                let (pixel, lamp) = (at / LAMPS, at % LAMPS);
+                let term = |patch: usize| transposed[patch * PIXELS + pixel] * direct[patch * LAMPS + lamp];
+                let expected: f32 = (0..PATCHES).map(term).sum();
+                assert!((found / expected - 1.0).abs() < 1e-4, "{most_bounces} bounces: {found} for {expected}");
+            }
+        }
+    }
 }

@@ -220,6 +220,10 @@ impl Layout {
             let ray = Ray { origin: eye, direction, t_min: 0.0, t_max: f32::INFINITY };
             let Some((hit, _)) = first_broad(scene, &ray, sampler) else { return 0.0 };
             let normal = scene.smooth_normal(&hit, direction);
+            // Out of its reach it has no share, whoever else is around.
+            if self.within_reach(patch, &center, hit.position, normal) == 0.0 {
+                return 0.0;
+            }
             let shares = self.around(hit.position, normal);
             let share = shares.iter().find(|(other, _)| *other == patch).map_or(0.0, |(_, share)| *share);
             // What is seen edge on would count without bound.

@@ -4,6 +4,7 @@ use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
+use half::bf16;
 use rayon::prelude::*;
 
 use super::cluster::{Met, cluster};
@@ -21,7 +22,8 @@ use crate::path::{Integrator, NoLights, Onward};
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 
-/// Light on patches, for each column.
+/// Light on patches, for each column: numbers of eight bits, whose rounding is 60 dB below the light and of another sign from patch
+/// to patch. The table is read from far away, a row of it for each walk.
 #[derive(Debug)]
 pub(crate) struct Table {
     pub n_columns: usize,
@@ -29,9 +31,9 @@ pub(crate) struct Table {
     pub narrow_alpha: f32,
     pub(super) nearest: Arc<Nearest>,
     /// Patches × columns: irradiance straight from lamps.
-    pub straight: Vec<f32>,
+    pub straight: Vec<bf16>,
     /// Patches × channels × columns: all irradiance.
-    pub all: Vec<f32>,
+    pub all: Vec<bf16>,
 }
 
 /// What is asked for.
@@ -120,8 +122,8 @@ pub(crate) fn learn(
         n_columns: modes.n_columns,
         narrow_alpha,
         nearest,
-        all: modes.all(&exchange),
-        straight: modes.mixtures,
+        all: halved(&modes.all(&exchange)),
+        straight: halved(&modes.mixtures),
     };
     let body = Body { samples, first, shares: modes.shares, layout: Some(layout), table: Some(table) };
     Some(Patches {
@@ -134,6 +136,11 @@ pub(crate) fn learn(
         reach_m,
         body: Arc::new(body),
     })
+}
+
+/// The same numbers in half of the room.
+pub(super) fn halved(numbers: &[f32]) -> Vec<bf16> {
+    numbers.par_iter().map(|x| bf16::from_f32(*x)).collect()
 }
 
 /// Patches of few points are smaller by these than what they stand for.

@@ -6,11 +6,12 @@
 //! which these pictures come nearest to that of e in the few pixels, Q = (TR)⁺T. So what the columns leave out of a light is
 //! what the pixels do not notice: the balanced truncation of a linear system. \[Rowley2005\]
 
-use clerestory_nystrom::spectrum::largest_eigenpairs;
+use clerestory_nystrom::spectrum::leading_pairs;
 use rayon::prelude::*;
 
 use super::codec::rounded;
 use super::exchange::{Exchange, Row, Share, Tint, taken};
+use super::strips::{Link, Strips};
 use crate::matrix::CHANNELS;
 
 /// Columns for each lamp that is learned from.
@@ -45,7 +46,7 @@ impl Modes {
         let (learned, held_out): (Vec<usize>, Vec<usize>) = lit.into_iter().partition(|&lamp| lamp < n_learned);
         let n = learned.len();
         let gram = gram(&pictures, n_lamps, &learned);
-        let (mut values, vectors) = largest_eigenpairs(n, &gram, (COLUMNS_PER_LEARNED * n as f32) as usize);
+        let (mut values, vectors) = leading_pairs(n, &gram, (COLUMNS_PER_LEARNED * n as f32) as usize);
         values.retain(|value| *value > FAINTEST * trace(&gram, n));
         let n_columns = values.len();
         if n_columns == 0 {
@@ -171,13 +172,9 @@ fn trace(gram: &[f64], n: usize) -> f64 {
 /// Product of two row-major matrices, the second of `n_cols` columns.
 fn product(a: &[f32], b: &[f32], n_cols: usize) -> Vec<f32> {
     let inner = b.len() / n_cols;
-    let mut out = vec![0.0; a.len() / inner * n_cols];
-    out.par_chunks_mut(n_cols).zip(a.par_chunks(inner)).for_each(|(out, a)| {
-        for (a, b) in a.iter().zip(b.chunks_exact(n_cols)).filter(|(a, _)| **a != 0.0) {
-            out.iter_mut().zip(b).for_each(|(out, b)| *out += a * b);
-        }
-    });
-    out
+    let nonzero = |row: &[f32]| -> Vec<Link> { (0..).zip(row.iter().copied()).filter(|(_, x)| *x != 0.0).collect() };
+    let links: Vec<Vec<Link>> = a.par_chunks(inner).map(nonzero).collect();
+    Strips::zeros(links.len(), n_cols).plus(&links, &Strips::of(b, n_cols)).row_major()
 }
 
 /// The transpose of gray rows times a matrix of pixels × columns: patches × columns.
@@ -197,4 +194,22 @@ fn gather(
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::uniform_hash;
+
+    #[test]
+    fn products_agree_with_the_definition() {
+        let numbers = |n: u64, key: u64| -> Vec<f32> { (0..n).map(|nth| uniform_hash(key + nth) - 0.5).collect() };
+        let (mut a, b) = (numbers(5 * 30, 1), numbers(30 * 19, 1000));
+        // Many lamps light no patch.
+        a.iter_mut().filter(|x| **x < 0.0).for_each(|x| *x = 0.0);
+        for (at, found) in product(&a, &b, 19).iter().enumerate() {
+            let expected: f32 = (0..30).map(|k| a[at / 19 * 30 + k] * b[k * 19 + at % 19]).sum();
+            assert!((found - expected).abs() < 1e-5, "{found} for {expected}");
+        }
+    }
 }

@@ -20,16 +20,39 @@ impl Center {
     }
 }
 
-/// A k-d tree over the middles of patches. \[Bentley1975\]
+/// Patches of a leaf at most: they are looked at together.
+const LEAF: usize = 8;
+/// Coordinates of a point: where it is, and its normal times the reach.
+const DIMENSIONS: usize = 6;
+
+/// A k-d tree over the middles of patches and their normals, all of whose leaves are equally deep. \[Bentley1975\]
 #[derive(Debug, PartialEq)]
 pub(super) struct Nearest {
     centers: Vec<Center>,
-    /// Patches in the order of the tree: the middle of each range splits it.
-    order: Vec<u32>,
-    /// Axis of each split, at the place of its middle.
-    axes: Vec<u8>,
+    /// From the root, level by level: below the one at `i` are those at `2i + 1` and `2i + 2`.
+    splits: Vec<Split>,
+    /// The level below the last one of splits.
+    leaves: Vec<Leaf>,
     /// Distance that a right angle between normals counts as, over the square root of two, m.
     reach_m: f32,
+}
+
+/// Where a part of the tree is divided.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Split {
+    /// Which coordinate divides it.
+    axis: u8,
+    /// None below it in the first half, none above it in the second.
+    at: f32,
+}
+
+/// Patches side by side; what is not filled lies infinitely far away.
+#[derive(Clone, Debug, PartialEq)]
+struct Leaf {
+    /// Axis × patch.
+    positions: [[f32; LEAF]; 3],
+    normals: [[f32; LEAF]; 3],
+    patches: [u32; LEAF],
 }
 
 /// The nearest patches so far, and their squared distances.
@@ -43,9 +66,40 @@ impl Nearest {
     /// A right angle between normals counts as √2 times `reach_m`.
     pub fn new(centers: Vec<Center>, reach_m: f32) -> Nearest {
         let mut order: Vec<u32> = (0..centers.len() as u32).collect();
-        let mut axes = vec![0; centers.len()];
-        split(&centers, &mut order, &mut axes);
-        Nearest { centers, order, axes, reach_m }
+        let n_leaves = centers.len().div_ceil(LEAF).next_power_of_two();
+        let (splits, leaves) = (vec![Split::default(); n_leaves - 1], vec![Leaf::EMPTY; n_leaves]);
+        let mut nearest = Nearest { centers, splits, leaves, reach_m };
+        nearest.divide(0, &mut order);
+        nearest
+    }
+
+    /// Divides patches in two along their longest side, and both halves in turn, from a place in the tree downward.
+    fn divide(&mut self, place: usize, patches: &mut [u32]) {
+        let n_splits = self.splits.len();
+        if place >= n_splits {
+            self.leaves[place - n_splits] = Leaf::of(&self.centers, patches);
+            return;
+        }
+        let of = |patch: u32| {
+            let Center { position, normal } = self.centers[patch as usize];
+            coordinates(position, normal, self.reach_m)
+        };
+        let (mut low, mut high) = ([f32::INFINITY; DIMENSIONS], [f32::NEG_INFINITY; DIMENSIONS]);
+        for &patch in patches.iter() {
+            for (axis, x) in of(patch).into_iter().enumerate() {
+                (low[axis], high[axis]) = (low[axis].min(x), high[axis].max(x));
+            }
+        }
+        let side = |axis: usize| high[axis] - low[axis];
+        let axis = (0..DIMENSIONS).max_by(|&a, &b| side(a).total_cmp(&side(b))).unwrap_or(0);
+        let along = |patch: u32| of(patch)[axis];
+        let middle = patches.len() / 2;
+        patches.select_nth_unstable_by(middle, |&a, &b| along(a).total_cmp(&along(b)).then(a.cmp(&b)));
+        let at = along(patches[middle]);
+        self.splits[place] = Split { axis: axis as u8, at };
+        let (low, high) = patches.split_at_mut(middle);
+        self.divide(2 * place + 1, low);
+        self.divide(2 * place + 2, high);
     }
 
     /// One of the patches around a point, drawn by `u` in 0…1 with a probability that changes smoothly with the point.
@@ -58,7 +112,7 @@ impl Nearest {
                 return Some(patch);
             }
         }
-        (!self.order.is_empty()).then_some(patches[0])
+        (!self.centers.is_empty()).then_some(patches[0])
     }
 
     /// The patches around a point, the nearest first, and the weights by which one of them is drawn.
@@ -83,40 +137,99 @@ impl Nearest {
     }
 
     fn found(&self, position: Vec3, normal: Vec3) -> Found {
-        let mut found = Found { n: 0, patches: [0; SHARING + 1], squared: [f32::INFINITY; SHARING + 1] };
-        self.search(0..self.order.len(), position, normal, &mut found);
-        found
+        let mut search = Search {
+            tree: self,
+            position,
+            normal,
+            at: coordinates(position, normal, self.reach_m),
+            off: [0.0; DIMENSIONS],
+            found: Found { n: 0, patches: [0; SHARING + 1], squared: [f32::INFINITY; SHARING + 1] },
+        };
+        search.visit(0, 0.0);
+        search.found
+    }
+}
+
+fn coordinates(position: Vec3, normal: Vec3, reach_m: f32) -> [f32; DIMENSIONS] {
+    let normal = normal * reach_m;
+    [position.x, position.y, position.z, normal.x, normal.y, normal.z]
+}
+
+/// Looks for the patches nearest to a point.
+struct Search<'a> {
+    tree: &'a Nearest,
+    position: Vec3,
+    normal: Vec3,
+    at: [f32; DIMENSIONS],
+    /// How far away, along each coordinate, the part of the tree is that is being visited.
+    off: [f32; DIMENSIONS],
+    found: Found,
+}
+
+impl Search<'_> {
+    /// Looks at a part of the tree, whose squared distance is at least `squared`.
+    fn visit(&mut self, place: usize, squared: f32) {
+        let tree = self.tree;
+        let Some(split) = tree.splits.get(place) else {
+            return self.look(&tree.leaves[place - tree.splits.len()]);
+        };
+        let axis = usize::from(split.axis);
+        let off = self.at[axis] - split.at;
+        let (first, second) = (2 * place + 1, 2 * place + 2);
+        let (near, far) = if off < 0.0 { (first, second) } else { (second, first) };
+        self.visit(near, squared);
+        // What lies beyond the split is at least so far away along its axis [Arya1993].
+        let before = self.off[axis];
+        let beyond = squared - before * before + off * off;
+        if beyond < self.found.squared[SHARING] {
+            self.off[axis] = off;
+            self.visit(far, beyond);
+            self.off[axis] = before;
+        }
     }
 
-    fn search(&self, range: std::ops::Range<usize>, position: Vec3, normal: Vec3, found: &mut Found) {
-        if range.is_empty() {
-            return;
+    fn look(&mut self, leaf: &Leaf) {
+        let mut squared = [0.0; LEAF];
+        for (i, squared) in squared.iter_mut().enumerate() {
+            let apart = |from: Vec3, to: &[[f32; LEAF]; 3]| {
+                let [x, y, z] = [from.x - to[0][i], from.y - to[1][i], from.z - to[2][i]];
+                x * x + y * y + z * z
+            };
+            // Surfaces that look another way receive other light.
+            let turned = self.tree.reach_m * self.tree.reach_m * apart(self.normal, &leaf.normals);
+            *squared = apart(self.position, &leaf.positions) + turned;
         }
-        let middle = range.start + range.len() / 2;
-        let patch = self.order[middle];
-        let center = &self.centers[patch as usize];
-        let apart = position.distance_squared(center.position);
-        // Surfaces that look another way receive other light.
-        found.offer(patch, apart + self.reach_m * self.reach_m * normal.distance_squared(center.normal));
-        let axis = usize::from(self.axes[middle]);
-        let off = position[axis] - center.position[axis];
-        let (near, far) = if off < 0.0 {
-            (range.start..middle, middle + 1..range.end)
-        } else {
-            (middle + 1..range.end, range.start..middle)
-        };
-        self.search(near, position, normal, found);
-        if off * off < found.squared[SHARING] {
-            self.search(far, position, normal, found);
+        for (patch, squared) in leaf.patches.into_iter().zip(squared) {
+            self.found.offer(patch, squared);
         }
     }
 }
 
-impl Found {
-    fn offer(&mut self, patch: u32, squared: f32) {
-        if squared >= self.squared[SHARING] {
-            return;
+impl Leaf {
+    const EMPTY: Leaf = Leaf { positions: [[f32::INFINITY; LEAF]; 3], normals: [[0.0; LEAF]; 3], patches: [0; LEAF] };
+
+    fn of(centers: &[Center], patches: &[u32]) -> Leaf {
+        let mut leaf = Leaf::EMPTY;
+        for (i, &patch) in patches.iter().enumerate() {
+            let Center { position, normal } = centers[patch as usize];
+            for axis in 0..3 {
+                (leaf.positions[axis][i], leaf.normals[axis][i]) = (position[axis], normal[axis]);
+            }
+            leaf.patches[i] = patch;
         }
+        leaf
+    }
+}
+
+impl Found {
+    #[inline]
+    fn offer(&mut self, patch: u32, squared: f32) {
+        if squared < self.squared[SHARING] {
+            self.insert(patch, squared);
+        }
+    }
+
+    fn insert(&mut self, patch: u32, squared: f32) {
         let mut at = SHARING;
         while at > 0 && self.squared[at - 1] > squared {
             (self.patches[at], self.squared[at]) = (self.patches[at - 1], self.squared[at - 1]);
@@ -125,24 +238,6 @@ impl Found {
         (self.patches[at], self.squared[at]) = (patch, squared);
         self.n = (self.n + 1).min(SHARING + 1);
     }
-}
-
-/// Puts the middle of a range where it belongs along the longest side, and does the same on both of its sides.
-fn split(centers: &[Center], order: &mut [u32], axes: &mut [u8]) {
-    if order.len() < 2 {
-        return;
-    }
-    let position = |patch: &u32| centers[*patch as usize].position;
-    let low = order.iter().map(position).fold(Vec3::INFINITY, Vec3::min);
-    let high = order.iter().map(position).fold(Vec3::NEG_INFINITY, Vec3::max);
-    let axis = (high - low).max_position();
-    let middle = order.len() / 2;
-    order.select_nth_unstable_by(middle, |a, b| position(a)[axis].total_cmp(&position(b)[axis]).then(a.cmp(b)));
-    axes[middle] = axis as u8;
-    let (low, high) = order.split_at_mut(middle);
-    let (low_axes, high_axes) = axes.split_at_mut(middle);
-    split(centers, low, low_axes);
-    split(centers, &mut high[1..], &mut high_axes[1..]);
 }
 
 #[cfg(test)]
@@ -157,17 +252,34 @@ mod tests {
 
     #[test]
     fn the_tree_finds_what_looking_at_all_finds() {
-        let all = centers(300);
-        let nearest = Nearest::new(all.clone(), 0.3);
-        for probe in centers(1200).into_iter().skip(300) {
-            let squared = |c: &Center| {
-                probe.position.distance_squared(c.position) + 0.09 * probe.normal.distance_squared(c.normal)
-            };
-            let mut expected: Vec<u32> = (0..300).collect();
-            expected.sort_by(|a, b| squared(&all[*a as usize]).total_cmp(&squared(&all[*b as usize])));
-            let mut found = Found { n: 0, patches: [0; SHARING + 1], squared: [f32::INFINITY; SHARING + 1] };
-            nearest.search(0..300, probe.position, probe.normal, &mut found);
-            assert_eq!(found.patches[..], expected[..SHARING + 1]);
+        // Normals that count for little, about as much as places, and for more than these.
+        for (n, reach_m) in [(300, 0.0), (300, 0.3), (300, 3.0), (1000, 0.3), (8, 0.3), (9, 0.3), (5, 0.3)] {
+            let all = centers(n);
+            let nearest = Nearest::new(all.clone(), reach_m);
+            for probe in centers(n + 300).into_iter().skip(n as usize) {
+                let squared = |c: &Center| {
+                    let turned = probe.normal.distance_squared(c.normal);
+                    probe.position.distance_squared(c.position) + reach_m * reach_m * turned
+                };
+                let mut expected: Vec<u32> = (0..n as u32).collect();
+                expected.sort_by(|a, b| squared(&all[*a as usize]).total_cmp(&squared(&all[*b as usize])));
+                let found = nearest.found(probe.position, probe.normal);
+                assert_eq!(found.patches[..], expected[..SHARING + 1], "{n} patches, {reach_m} m");
+                assert_eq!(found.squared, found.patches.map(|patch| squared(&all[patch as usize])));
+            }
+        }
+    }
+
+    #[test]
+    fn where_fewer_patches_are_than_share_a_point_all_of_them_do() {
+        for n in 0..=SHARING {
+            let nearest = Nearest::new(centers(n as u64), 0.3);
+            let (patches, weights) = nearest.weights(Vec3::ZERO, Vec3::Y);
+            let mut sharing: Vec<u32> =
+                patches.into_iter().zip(weights).filter(|(_, w)| *w > 0.0).map(|x| x.0).collect();
+            sharing.sort_unstable();
+            assert_eq!(sharing, (0..n as u32).collect::<Vec<_>>());
+            assert_eq!(nearest.draw(Vec3::ZERO, Vec3::Y, 0.5).is_some(), n > 0);
         }
     }
 

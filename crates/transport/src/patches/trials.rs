@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::{PatchSample, cluster::Met};
 use crate::light::luminance;
+use crate::plan::along_morton;
 use crate::prepared::PreparedScene;
 use crate::sampler::{Sampler, uniform_sphere};
 
@@ -79,6 +80,21 @@ impl Trial {
     }
 }
 
+/// Lamps in an order in which neighbors shine from about the same place, parallel light last and by where it comes from.
+fn along_a_curve(trials: &[Trial]) -> Vec<usize> {
+    let places = || trials.iter().map(|trial| trial.position);
+    let low = places().fold(Vec3::INFINITY, Vec3::min);
+    let side = (places().fold(Vec3::NEG_INFINITY, Vec3::max) - low).max_element().max(f32::MIN_POSITIVE);
+    let along = |at: Vec3| along_morton((at * 1023.0).to_array().map(|x| x.clamp(0.0, 1023.0) as u32));
+    let key = |trial: &Trial| match trial.shape {
+        Shape::Parallel => (true, along((trial.axis + Vec3::ONE) / 2.0)),
+        _ => (false, along((trial.position - low) / side)),
+    };
+    let mut order: Vec<usize> = (0..trials.len()).collect();
+    order.sort_by_key(|&nth| key(&trials[nth]));
+    order
+}
+
 /// Irradiance that each lamp throws on each patch: row-major, patches × lamps.
 pub(super) fn irradiance(
     scene: &PreparedScene,
@@ -87,16 +103,16 @@ pub(super) fn irradiance(
     near_m: f32,
 ) -> Vec<f32> {
     let far_m = 4.0 * scene.diameter();
+    // Rays to neighbors pass the same places, so that a fan of them costs little more than one.
+    let order = along_a_curve(trials);
     let mut out = vec![0.0; (first.len() - 1) * trials.len()];
     out.par_chunks_mut(trials.len()).zip(first.par_windows(2)).for_each(|(out, range)| {
         for sample in &samples[range[0] as usize..range[1] as usize] {
-            let arriving = trials.iter().enumerate();
-            let arriving: Vec<(usize, f32, Vec3)> = arriving
-                .filter_map(|(nth, trial)| {
-                    let (light, target) = trial.arriving(sample, near_m, far_m)?;
-                    Some((nth, light, target))
-                })
-                .collect();
+            let arriving = |&nth: &usize| {
+                let (light, target) = trials[nth].arriving(sample, near_m, far_m)?;
+                Some((nth, light, target))
+            };
+            let arriving: Vec<(usize, f32, Vec3)> = order.iter().filter_map(arriving).collect();
             for fan in arriving.chunks(FAN) {
                 let (mut targets, mut passed) = ([Vec3::ZERO; FAN], [Vec3::ZERO; FAN]);
                 fan.iter().zip(&mut targets).for_each(|((.., from), target)| *target = *from);
@@ -108,4 +124,32 @@ pub(super) fn irradiance(
         }
     });
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbors_along_the_curve_shine_from_near_each_other() {
+        let met = [Met { position: Vec3::ZERO, normal: Vec3::Y, weight: 1.0, grazing: 0.0 }];
+        let stretches = [[Vec3::splat(-1.0), Vec3::ONE], [Vec3::X, Vec3::new(-1.0, 1.0, 1.0)]];
+        let trials: Vec<Trial> =
+            (0..256).map(|nth| Trial::draw(&stretches, &met, &mut Sampler::new(1, 2, nth))).collect();
+        let order = along_a_curve(&trials);
+        let mut sorted = order.clone();
+        sorted.sort_unstable();
+        assert_eq!(sorted, (0..256).collect::<Vec<_>>());
+        let apart = |a: usize, b: usize| match [trials[a].shape, trials[b].shape] {
+            [Shape::Parallel, Shape::Parallel] => trials[a].axis.distance(trials[b].axis),
+            [Shape::Parallel, _] | [_, Shape::Parallel] => 0.0,
+            _ => trials[a].position.distance(trials[b].position),
+        };
+        let along: f32 = order.windows(2).map(|w| apart(w[0], w[1])).sum();
+        let drawn: f32 = (1..256).map(|nth| apart(nth - 1, nth)).sum();
+        assert!(along < 0.3 * drawn, "{along} m along the curve, {drawn} m as drawn");
+        let n_parallel = order.iter().rev().take_while(|nth| matches!(trials[**nth].shape, Shape::Parallel)).count();
+        let n_all = trials.iter().filter(|trial| matches!(trial.shape, Shape::Parallel)).count();
+        assert_eq!(n_parallel, n_all, "parallel light is last");
+    }
 }

@@ -97,8 +97,10 @@ pub(crate) fn through_glass(
     for crossing in scene.slabs.crossings(route) {
         let (facet, uv) = Facet::with(crossing.facets, crossing.point)?;
         let place = facet.point(uv);
-        // Whether the way is free costs less than what the glass takes.
-        passed *= scene.transmittance(from, place);
+        // Whether the way is free costs less than what the glass takes, and nothing in glass where nothing lies.
+        if !crossing.is_free {
+            passed *= scene.transmittance(from, place);
+        }
         if passed == Vec3::ZERO {
             return None;
         }

@@ -18,7 +18,7 @@ const THINNEST: f32 = 1e-5;
 /// degree.
 const LEVEL: f32 = 1.5e-4;
 /// Error of a place over its largest coordinate.
-const ROUNDING: f32 = 4.0 * f32::EPSILON;
+pub(super) const ROUNDING: f32 = 4.0 * f32::EPSILON;
 
 impl Slabs {
     /// All slabs of a scene.
@@ -35,6 +35,7 @@ impl Slabs {
         }
         let boxes: Vec<Bounds> = slabs.slabs.iter().map(|slab| slab.bounds).collect();
         slabs.tree = Tree::new(&boxes);
+        slabs.look_inside(mesh);
         slabs
     }
 
@@ -85,7 +86,8 @@ fn slab(scene: &Scene, body: &[u32]) -> Option<Slab> {
     let center = middle + normal * (0.5 * (mean(front) + mean(back)));
     let bounds = bounds.grown(rounding + MOST_ASIDE * thickness);
     let facets = triangles.map(|face| face.into_iter().map(|triangle| Facet::new(mesh, triangle)).collect());
-    Some(Slab { normal, center, thickness, ior, outline, bounds, facets, looks: looks(scene, body) })
+    // What lies in it is found when all are.
+    Some(Slab { normal, center, thickness, ior, outline, bounds, facets, looks: looks(scene, body), is_free: false })
 }
 
 /// Triangles of the back and the front of a body, and the unit normal of the front; `None` where one of both is not there, or bent

@@ -61,6 +61,8 @@ pub(crate) struct Crossing<'a> {
     pub(crate) facets: &'a [Facet],
     /// What the glass is made of, where that is the same everywhere.
     pub(crate) looks: Option<&'a SurfaceParams>,
+    /// Whether it is known that nothing is in the way to it from the face before: both are a slab's in which nothing lies.
+    pub(crate) is_free: bool,
 }
 
 /// What a straight segment tells of the path through slabs between its ends.
@@ -177,8 +179,8 @@ impl Slabs {
             let slab = &self.slabs[slab as usize];
             let first = slab.first_face(route.direction) as usize;
             let looks = slab.looks.as_ref();
-            let at = |point, face: usize| Crossing { point, facets: &slab.facets[face], looks };
-            [at(points[0], first), at(points[1], 1 - first)]
+            let at = |point, face: usize, is_free| Crossing { point, facets: &slab.facets[face], looks, is_free };
+            [at(points[0], first, false), at(points[1], 1 - first, slab.is_free)]
         })
     }
 

@@ -18,8 +18,8 @@ impl Slabs {
     /// Two rows for all slabs: the lower corner of their box and their number, the upper corner and the diagonal of the scene. Eight for
     /// each: normal and index of refraction; middle and thickness; its box, with the row of its first triangle, and with the numbers of
     /// those of the back and, from bit 16 on, of the front; what it lets pass but for what it reflects, and 1 where that cannot be told;
-    /// extinction, 1/m; the axes of the rectangle around it, each with half of its length. Three for each triangle, those of a back
-    /// first: a corner and the clearance, and the edges from there.
+    /// extinction, 1/m, and 1 where nothing lies in its glass; the axes of the rectangle around it, each with half of its length. Three
+    /// for each triangle, those of a back first: a corner and the clearance, and the edges from there.
     pub(crate) fn words(&self, scene: &PreparedScene) -> Vec<Row> {
         if self.is_empty() {
             return vec![[0; 4]; HEAD];
@@ -50,7 +50,7 @@ impl Slab {
             row(self.bounds.lo, first_triangle),
             row(self.bounds.hi, n_back as u32 | (n_front as u32) << 16),
             row(passed, u32::from(known.is_none())),
-            row(extinction, 0),
+            row(extinction, u32::from(self.is_free)),
             row(x, half.x.to_bits()),
             row(y, half.y.to_bits()),
         ]

@@ -6,7 +6,7 @@ use super::Band;
 use super::point::{Point, Special};
 use crate::lamps::{BodyPoint, Lit, PreparedLamp, PreparedLamps, Through, Way, lattice};
 use crate::light::luminance;
-use crate::path::passed_along;
+use crate::path::through_glass;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 use crate::stop::Halt;
@@ -21,6 +21,19 @@ pub(super) struct Shading<'a> {
     scene: &'a PreparedScene,
     lamps: &'a PreparedLamps,
     far: f32,
+}
+
+/// A way through slabs as far as behind the last one.
+struct LastLeg {
+    /// The member of a group to which the way leads.
+    nth: usize,
+    /// From the glass to the lamp, or far toward it.
+    from: Vec3,
+    to: Vec3,
+    /// Share of light that comes through the glass.
+    passed: Vec3,
+    /// What the lamp sends along the way.
+    lit: Lit,
 }
 
 /// Shadow rays of a group to a point that they share.
@@ -74,15 +87,16 @@ impl<'a> Shading<'a> {
     ) -> u64 {
         let shared = lamp.lamp.point(u).filter(|_| !lamp.lamp.is_ball());
         let mut fan = Fan { n: 0, places: [Vec3::ZERO; GROUP], values: [Vec3::ZERO; GROUP], pixels: [0; GROUP] };
-        let mut n_rays = 0;
+        let (mut n_rays, mut legs): (u64, Vec<LastLeg>) = (0, Vec::new());
         for (nth, point) in group.iter().enumerate().filter(|(_, point)| is_wanted(point.pixel)) {
             let at = (point.pixel - first) as usize;
             let (slabs, from) = (&self.scene.slabs, (point.position, self.far));
             let may_send = |wi| point.may_send(point.normal(), wi);
             let Through { first: slab, way } = lamp.lamp.through(slabs, from, spread(u, nth), may_send);
-            if let Some(passed) = way.and_then(|way| self.along((point, specials), lamp, spread(u, nth), &way)) {
+            let sent = way.and_then(|way| Some((self.sent_along(point, lamp, spread(u, nth), &way)?, way)));
+            if let Some((lit, way)) = sent {
                 n_rays += 1;
-                pixels[at] += passed;
+                legs.extend(self.last_leg((nth, point, specials), lit, &way));
             }
             let shared = shared.as_ref().filter(|_| !lamp.lamp.is_near(point.position));
             let lit = match shared {
@@ -106,6 +120,7 @@ impl<'a> Shading<'a> {
         if let Some(BodyPoint { position, .. }) = shared.filter(|_| fan.n > 0) {
             fan.flush(self.scene, position, pixels);
         }
+        self.add_free((group, specials), lamp, &legs, (first, pixels));
         n_rays
     }
 
@@ -143,23 +158,57 @@ impl<'a> Shading<'a> {
         (luminance(value) > 0.0).then_some(value)
     }
 
-    /// The light of a lamp at a point along a way; `None` where the lamp sends none there, or the point none to its pixel.
-    fn along(&self, (point, specials): (&Point, &[Special]), lamp: &PreparedLamp, u: Vec2, way: &Way) -> Option<Vec3> {
-        let (scene, position, route) = (self.scene, point.position, &way.route);
-        let (lit, ng) = (lamp.lamp.lit_along(way, position, u, self.far)?, point.normal());
-        if !point.may_send(ng, lit.wi) {
-            return None;
-        }
+    /// What a lamp sends along a way; `None` where it sends none there, or the point none to its pixel.
+    fn sent_along(&self, point: &Point, lamp: &PreparedLamp, u: Vec2, way: &Way) -> Option<Lit> {
+        let lit = lamp.lamp.lit_along(way, point.position, u, self.far)?;
+        point.may_send(point.normal(), lit.wi).then_some(lit)
+    }
+
+    /// The last leg of a way to a point; `None` where something is in the way before.
+    fn last_leg(&self, (nth, point, specials): (usize, &Point, &[Special]), lit: Lit, way: &Way) -> Option<LastLeg> {
+        let (route, ng) = (&way.route, point.normal());
         let extinction =
             point.special(specials).map_or(Vec3::ZERO, |special| special.extinction_towards(ng, route.direction));
         let outward = if route.direction.dot(ng) > 0.0 { ng } else { -ng };
-        let start = (position, point.origin(scene, outward));
-        // Half of the ways are not free: that costs less to know than what the surface scatters.
-        let passed = passed_along(scene, start, extinction, (route, way.end, self.far));
-        if passed == Vec3::ZERO {
-            return Some(passed);
+        let start = (point.position, point.origin(self.scene, outward));
+        let (passed, (at, from)) = through_glass(self.scene, start, extinction, route)?;
+        let to = way.end.unwrap_or(at + route.direction * self.far);
+        Some(LastLeg { nth, from, to, passed, lit })
+    }
+
+    /// Adds the light of those ways to points of a group whose last leg is free.
+    fn add_free(
+        &self,
+        (group, specials): (&[Point], &[Special]),
+        lamp: &PreparedLamp,
+        legs: &[LastLeg],
+        (first, pixels): (u32, &mut [Vec3]),
+    ) {
+        for (leg, free) in legs.iter().zip(self.behind_glass(lamp, legs)) {
+            let (point, passed) = (&group[leg.nth], leg.passed * free);
+            // Half of the ways are not free: that costs less to know than what the surface scatters.
+            if passed == Vec3::ZERO {
+                continue;
+            }
+            if let Some(value) = self.scattered((point, specials), point.normal(), lamp, &leg.lit) {
+                pixels[(point.pixel - first) as usize] += passed * value;
+            }
         }
-        Some(passed * self.scattered((point, specials), ng, lamp, &lit)?)
+    }
+
+    /// Share of light that passes along each of some last legs.
+    fn behind_glass(&self, lamp: &PreparedLamp, legs: &[LastLeg]) -> [Vec3; GROUP] {
+        let mut passed = [Vec3::ZERO; GROUP];
+        if let Some(leg) = legs.first().filter(|_| !lamp.lamp.has_size() && !lamp.lamp.is_beyond()) {
+            // All end at the same point.
+            let mut places = [Vec3::ZERO; GROUP];
+            places.iter_mut().zip(legs).for_each(|(place, leg)| *place = leg.from);
+            self.scene.transmittance_from16(leg.to, &places, legs.len(), &mut passed);
+        } else {
+            let of_leg = |leg: &LastLeg| self.scene.transmittance(leg.from, leg.to);
+            passed.iter_mut().zip(legs).for_each(|(passed, leg)| *passed = of_leg(leg));
+        }
+        passed
     }
 }
 

@@ -268,6 +268,30 @@ fn direct_light_through_a_solid_pane_is_that_of_walks() {
 }
 
 #[test]
+fn a_card_behind_a_solid_pane_hides_a_point_lamp_from_each_place_by_itself() {
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 0.6, 1.2), Vec3::Z * 0.4, 0.6, 1.5);
+    let floor = quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0);
+    let window = block(Vec3::new(0.0, 1.1, 0.0), Vec3::new(8.0, 0.125, 8.0), Quat::from_rotation_z(0.15));
+    let card = quad(Vec3::new(0.02, 1.5, 0.28), Vec3::X * 0.16, Vec3::NEG_Z * 0.16);
+    let stage = Stage::new(camera).surface("floor", &floor, lambert(ALBEDO, 0.0)).surface("window", &window, glass());
+    let scene = stage.surface("card", &card, lambert(0.0, 0.0)).prepared();
+    let lamps = prepared(&[lamp(LampShape::Point, Vec3::new(0.1, 1.9, 0.2), 100.0, LampUnit::Lumen)]);
+    let config = VisibleConfig { samples: 1, ..SIXTEEN };
+    let points = VisiblePoints::new(&scene, &scene.scene.cameras[0], FILM, config, &never).expect("nobody stops it");
+    let picture = points.direct(&scene, &lamps, 0, &never).expect("nobody stops it");
+    let (mut n, mut n_different) = ([0; 2], 0);
+    for point in points.bands.iter().flatten().flat_map(|band| &band.found.points) {
+        let expected = lamps.irradiance(&scene, point.position, Vec3::Y).y * ALBEDO / PI;
+        let found = picture[point.pixel as usize][1];
+        n[usize::from(expected > 0.0)] += 1;
+        n_different += usize::from((found - expected).abs() > 1e-3 * expected);
+    }
+    let [n_dark, n_lit] = n;
+    assert!(n_dark > 100 && n_lit > 100, "{n_dark} dark, {n_lit} lit");
+    assert!(n_different <= FILM.n_pixels() / 200, "{n_different} pixels");
+}
+
+#[test]
 fn two_panes_in_a_turned_wall_pass_light_of_free_lamps_as_one_of_double_width_does() {
     let turn = Quat::from_rotation_y(std::f32::consts::FRAC_PI_4);
     let behind = |panes: &[[f32; 2]]| {

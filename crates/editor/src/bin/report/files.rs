@@ -1,4 +1,6 @@
-//! From a file to a picture: the command line as a script calls it, a process for each picture.
+//! From a file to a picture: the command line as a script calls it, a process for each picture; and how long a large file takes to load.
+
+mod loading;
 
 use std::path::Path;
 use std::process::Command;
@@ -33,11 +35,12 @@ pub fn write(desk: &Desk) -> Result<String> {
             written(desk, &program, (name, transport.as_str()))
         })?;
     }
+    let loading = desk.part::<String>("files", "loading", || loading::write(desk))?;
     Ok(format!(
         "## From a file to a picture\n\n\
          `clerestory relight FILE.transport -o PICTURE` at {} pixels on the CPU, a process of its own for each, from its start to its end: median of\n\
          {TRIES}, and least to most. Bakes of at most {SPP} samples, seed {SEED}. {}\n\n\
-         | scene | transport | columns | picture | time | spread | size of the picture |\n|---|---|---|---|---|---|---|\n{rows}",
+         | scene | transport | columns | picture | time | spread | size of the picture |\n|---|---|---|---|---|---|---|\n{rows}{loading}",
         size.replace('x', " × "),
         desk.load_words(),
     ))

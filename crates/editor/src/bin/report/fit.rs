@@ -73,9 +73,19 @@ pub fn tenths(values: Vec<f64>) -> String {
     spread_told(values, |value| format!("{value:.1}"))
 }
 
+/// The same of repeats some of which may have no figure; “—” where one has none.
+pub fn tenths_known(values: &[Option<f64>]) -> String {
+    values.iter().copied().collect::<Option<Vec<f64>>>().map_or("—".into(), tenths)
+}
+
 /// The same with two digits behind the point, as ratios near one are told.
 pub fn hundredths(values: Vec<f64>) -> String {
     spread_told(values, |value| format!("{value:.2}"))
+}
+
+/// The same in whole numbers.
+pub fn wholes(values: Vec<f64>) -> String {
+    spread_told(values, |value| format!("{value:.0}"))
 }
 
 /// The same of CPU seconds, which are counted in hundredths.
@@ -118,6 +128,9 @@ mod tests {
     fn repeats_are_told_by_their_middle_and_ends() {
         assert_eq!(spread_words(vec![3.0, 1.0, 2.0]), "2.0 (1.0…3.0)");
         assert_eq!(spread_words(vec![0.125]), "0.12");
+        assert_eq!(tenths_known(&[Some(30.0), Some(31.0)]), "30.5 (30.0…31.0)");
+        assert_eq!(tenths_known(&[Some(30.0), None]), "—");
+        assert_eq!(wholes(vec![3.0, 1204.4, 20.0]), "20 (3…1204)");
         assert_eq!([vec![0.0, 0.06, 0.07], vec![21.3]].map(cpu_words), ["0.06 (< 0.01…0.07)", "21"]);
         assert_eq!(
             [0.0, 0.0042, 0.081, 0.25, 1.25, 12.5].map(digits),

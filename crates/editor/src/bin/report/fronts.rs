@@ -1,5 +1,7 @@
 //! Error against bytes and against the time of a product: what every method reaches, and which of them nobody beats.
 
+mod standing;
+
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -20,6 +22,7 @@ use super::plot::{Axis, Panel, Scale, Series};
 use super::reference::Sampling;
 use super::targets::coded::{Subject, single_threaded};
 use super::targets::judged;
+use standing::Measure;
 
 const RANKS: [usize; 5] = [2, 4, 8, 16, 32];
 const TOLERANCES_DB: [f64; 6] = [20.0, 25.0, 30.0, 35.0, 40.0, 45.0];
@@ -56,11 +59,16 @@ struct Point {
 }
 
 /// Costs that are told: title, label, name of the plot, and which it is.
-type Cost = (&'static str, &'static str, &'static str, fn(&Point) -> f64);
+type Cost = (&'static str, &'static str, &'static str, Measure);
 
 const COSTS: [Cost; 2] = [
-    ("bytes", "bytes of the picture's matrix", "fronts-bytes", |point| point.bytes),
-    ("time to relight", "ms per picture", "fronts-time", |point| point.millis),
+    ("bytes", "bytes of the picture's matrix", "fronts-bytes", (|point| point.bytes, |_, _| false)),
+    (
+        "time to relight",
+        "ms per picture",
+        "fronts-time",
+        (|point| point.millis, |ours, other| ours.millis <= other.most_millis),
+    ),
 ];
 
 /// Two plots and the methods that nobody beats.
@@ -85,10 +93,12 @@ pub fn write(desk: &Desk) -> Result<String> {
         film.height,
         desk.load_words(),
     );
-    for (title, label, file, cost) in COSTS {
+    for (title, label, file, measure) in COSTS {
+        let cost = measure.0;
         let panels: Vec<Panel> = found.iter().map(|(name, points)| panel(name, label, points, cost)).collect();
         text += &format!("\n### Error against {title}\n");
         text += &desk.plot(file, &format!("error of all methods against {title}"), &panels)?;
+        text += &standing::words(&found, measure);
         let by = if title == "bytes" { "" } else { ", by the least of all rounds" };
         text += &format!(
             "\nNobody has less error at less of it{by}:\n\n| matrix | method | at | {label} | dB |\n|---|---|---|---|---|\n"

@@ -23,11 +23,15 @@ impl Goal {
         }
     }
 
-    /// Whether the median keeps it, and how many do.
+    /// Whether all keep it, else how many do; and the median.
     pub fn of_many(self, values: &[f64], words: impl Fn(f64) -> String) -> String {
-        let Some(median) = median(values) else { return "none".into() };
-        let n_kept = values.iter().filter(|value| self.is_kept(**value)).count();
-        format!("{}: {}, {n_kept} of {}", self.word(median), words(median), values.len())
+        let Some(median) = median(values).map(words) else { return "none".into() };
+        let (n_kept, n) = (values.iter().filter(|value| self.is_kept(**value)).count(), values.len());
+        if n_kept == n {
+            format!("kept by all {n}, median {median}")
+        } else {
+            format!("missed: kept by {n_kept} of {n}, median {median}")
+        }
     }
 }
 
@@ -44,11 +48,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_goal_is_kept_where_the_median_keeps_it() {
+    fn a_goal_is_kept_where_all_keep_it() {
         let told = |goal: Goal, values: &[f64]| goal.of_many(values, |share| format!("{:.1} %", 100.0 * share));
-        assert_eq!(told(Goal::Most(0.05), &[0.02, 0.04, 0.09]), "kept: 4.0 %, 2 of 3");
-        assert_eq!(told(Goal::Most(0.05), &[0.02, 0.09]), "missed: 5.5 %, 1 of 2");
-        assert_eq!(told(Goal::Least(0.05), &[0.02, 0.09]), "kept: 5.5 %, 1 of 2");
+        assert_eq!(told(Goal::Most(0.05), &[0.02, 0.04, 0.09]), "missed: kept by 2 of 3, median 4.0 %");
+        assert_eq!(told(Goal::Least(0.05), &[0.02, 0.09]), "missed: kept by 1 of 2, median 5.5 %");
+        assert_eq!(told(Goal::Least(0.02), &[0.02, 0.09]), "kept by all 2, median 5.5 %");
         assert_eq!(told(Goal::Most(0.05), &[]), "none");
     }
 

@@ -49,6 +49,34 @@ impl Kept {
         Ok(values)
     }
 
+    /// The same, made piece by piece: each is written down as soon as it is made, so that long work goes on where it was interrupted,
+    /// until all of them are joined.
+    ///
+    /// # Errors
+    /// If they cannot be made, written or, once they are joined, removed.
+    pub fn in_pieces(
+        &self,
+        key: &str,
+        n_pieces: usize,
+        make: impl Fn(usize) -> Result<Vec<f32>>,
+        join: impl FnOnce(&[Vec<f32>]) -> Vec<f32>,
+    ) -> Result<Vec<f32>> {
+        if n_pieces == 1 {
+            return self.numbers(key, || Ok(join(&[make(0)?])));
+        }
+        let key_of = |nth: usize| format!("{key}, piece {nth} of {n_pieces}");
+        let mut are_new = false;
+        let values = self.numbers(key, || {
+            are_new = true;
+            let piece = |nth: usize| self.numbers(&key_of(nth), || make(nth));
+            Ok(join(&(0..n_pieces).map(piece).collect::<Result<Vec<_>>>()?))
+        })?;
+        for path in (0..n_pieces).filter(|_| are_new).map(|nth| self.numbers_of(&key_of(nth))) {
+            fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+        }
+        Ok(values)
+    }
+
     fn numbers_of(&self, key: &str) -> PathBuf {
         self.folder.join("references").join(format!("{:08x}-{:08x}.bin", crc(key.as_bytes()), key.len()))
     }
@@ -141,6 +169,36 @@ mod tests {
         *bytes.last_mut().unwrap() ^= 1;
         fs::write(&path, bytes).unwrap();
         assert_eq!(kept.numbers("a scene", || Ok(vec![3.0])).unwrap(), [3.0]);
+        fs::remove_dir_all(&kept.folder).unwrap();
+    }
+
+    #[test]
+    fn numbers_in_pieces_go_on_behind_the_last_one_that_was_written() {
+        let kept = kept("pieces");
+        let join = |pieces: &[Vec<f32>]| pieces.concat();
+        let interrupted = kept.in_pieces(
+            "a scene",
+            3,
+            |nth| {
+                anyhow::ensure!(nth < 2, "interrupted");
+                Ok(vec![nth as f32])
+            },
+            join,
+        );
+        assert!(interrupted.is_err());
+        let made = std::cell::RefCell::new(Vec::new());
+        let values = kept.in_pieces(
+            "a scene",
+            3,
+            |nth| {
+                made.borrow_mut().push(nth);
+                Ok(vec![nth as f32])
+            },
+            join,
+        );
+        assert_eq!((values.unwrap(), made.into_inner()), (vec![0.0, 1.0, 2.0], vec![2]));
+        assert_eq!(fs::read_dir(kept.folder.join("references")).unwrap().count(), 1, "the pieces are gone");
+        assert_eq!(kept.numbers("a scene", || panic!("it is whole")).unwrap(), [0.0, 1.0, 2.0]);
         fs::remove_dir_all(&kept.folder).unwrap();
     }
 

@@ -1,6 +1,8 @@
 //! Lamps that no bake knew: what patches and live light make of them, against traced pictures of the same lamps.
 
+mod drawn;
 pub mod live;
+pub mod more;
 pub mod places;
 pub mod spent;
 pub mod tables;
@@ -26,8 +28,9 @@ use clerestory_transport::sky::{SkyForm, SkyLight};
 use clerestory_transport::trace::TraceConfig;
 use glam::{Vec2, Vec3};
 
+use self::drawn::{Drawn, Moved};
 use self::live::View;
-use self::places::{Pictures, Place, height_m};
+use self::places::{Pictures, Place};
 use self::spent::{Spent, bake};
 use self::tables::{Bytes, Goals, Told};
 use super::desk::Desk;
@@ -40,11 +43,12 @@ const WIDTHS: [u32; 2] = [64, 320];
 /// Samples per pixel of a bake of each width.
 const BAKE_SPP: [u32; 2] = [256, 32];
 /// Patches and samples per pixel of the bakes that are held against references.
-const BAKES: [[u32; 2]; 5] = [
+const BAKES: [[u32; 2]; 6] = [
     [DEFAULT_PATCHES / 4, BAKE_SPP[0]],
+    [DEFAULT_PATCHES / 2, BAKE_SPP[0]],
     USUAL,
     [DEFAULT_PATCHES, BAKE_SPP[0] / 4],
-    [DEFAULT_PATCHES, 4 * BAKE_SPP[0]],
+    [DEFAULT_PATCHES, 2 * BAKE_SPP[0]],
     [4 * DEFAULT_PATCHES, BAKE_SPP[0]],
 ];
 /// The one that goals are set for, and the one in a hurry.
@@ -106,40 +110,24 @@ pub(super) fn prepared(path: &Path, sky: Option<&Path>) -> Result<(PreparedScene
 
 /// Lamps of a scene, the light that belongs to it, and two traced and live pictures of each.
 struct Traced {
-    lamps: Vec<PreparedLamps>,
-    heights_m: Vec<f32>,
-    of_lamps: Vec<[Vec<f32>; 2]>,
+    drawn: Vec<Drawn>,
+    /// Places that drowned.
+    n_redrawn: usize,
     of_file: [Vec<f32>; 2],
     twins: Vec<twins::Twin>,
-    /// With narrow lobes, those of the twins behind those of the lamps; and the direct light of the lamps alone.
+    /// With narrow lobes, those of the twins behind those of the lamps.
     live: [Vec<Vec<f32>>; 2],
-    direct: [Vec<Vec<f32>>; 2],
 }
 
 impl Traced {
-    fn find(desk: &Desk, case: &Case, (scene, camera, film): (&PreparedScene, &Camera, Film)) -> Result<Traced> {
-        let (n_places, spp) = desk.choose((3, TRACED_SPP[0]), (10, TRACED_SPP[1]));
-        let coefficients = scene.lighting.basis.project(&LightRig::default());
-        let of_file = traced(scene, film, &coefficients, spp, [1, 2])?;
-        let (mut lamps, mut heights_m, mut of_lamps) = (Vec::new(), Vec::new(), Vec::new());
-        for nth in 0..n_places {
-            let at = place(scene, camera, film, nth);
-            let own = point_lamp(at)?;
-            let (mut lit, _) = prepared(&case.path, None)?;
-            own.install(&mut lit)?;
-            let mut coefficients = vec![[0.0; 3]; lit.lighting.basis.n_cols()];
-            let last = lit.lighting.basis.sources.last().context("no lamp")?;
-            coefficients[last.columns.start as usize] = (last.color * last.strength).to_array();
-            of_lamps.push(traced(&lit, film, &coefficients, spp, [3, 4])?);
-            heights_m.push(height_m(&scene.scene.mesh, at));
-            lamps.push(own);
-        }
-        let (twins, view) = (twins::find(scene)?, View { scene, camera, film, n_samples: spp });
-        let own: Vec<&PreparedLamps> = lamps.iter().collect();
-        let all: Vec<&PreparedLamps> = own.iter().copied().chain(twins.iter().map(|twin| &twin.free)).collect();
+    fn find(case: &Case, view: View<'_>, moved: &Moved, twins: Vec<twins::Twin>) -> Result<Traced> {
+        let coefficients = view.scene.lighting.basis.project(&LightRig::default());
+        let of_file = traced(view.scene, view.film, &coefficients, view.n_samples, [1, 2])?;
+        let (drawn, n_redrawn) = drawn::draw(case, view, moved)?;
+        let own = drawn.iter().map(|drawn| &drawn.lamp);
+        let all: Vec<&PreparedLamps> = own.chain(twins.iter().map(|twin| &twin.free)).collect();
         let live = [view.live(&all, 1, NARROW_ALPHA)?, view.live(&all, 2, NARROW_ALPHA)?];
-        let direct = [view.live(&own, 3, 0.0)?, view.live(&own, 4, 0.0)?];
-        Ok(Traced { lamps, heights_m, of_lamps, of_file, twins, live, direct })
+        Ok(Traced { drawn, n_redrawn, of_file, twins, live })
     }
 
     /// What a bake makes of the lamps.
@@ -147,24 +135,24 @@ impl Traced {
         let patches = bake.header.patches.as_ref().context("no patches")?;
         ensure!(patches.narrow_alpha() == NARROW_ALPHA, "patches leave out other lobes than the live light shows");
         let own = relit(bake, &bake.header.coefficients(&LightRig::default()));
-        let place = |nth: usize| {
-            let indirect = relit(bake, &of_patches(bake, self.lamps[nth].light_on_patches(scene, patches)));
+        let place = |(nth, drawn): (usize, &Drawn)| {
+            let indirect = relit(bake, &of_patches(bake, drawn.lamp.light_on_patches(scene, patches)));
             let pictures = Pictures {
                 of_patches: &indirect,
                 live: [&self.live[0][nth], &self.live[1][nth]],
-                direct: [&self.direct[0][nth], &self.direct[1][nth]],
-                references: self.of_lamps[nth].each_ref().map(Vec::as_slice),
+                direct: drawn.direct.each_ref().map(Vec::as_slice),
+                references: drawn.traced.each_ref().map(Vec::as_slice),
                 own: &own,
                 own_references: self.of_file.each_ref().map(Vec::as_slice),
             };
-            pictures.place(self.heights_m[nth])
+            pictures.place(drawn.number, drawn.height_m)
         };
-        Ok((0..self.lamps.len()).map(place).collect())
+        Ok(self.drawn.iter().enumerate().map(place).collect())
     }
 
     /// Lamps of the file exchanged for free ones, dB of each.
     fn exchanged_db(&self, scene: &PreparedScene, bake: &Bake) -> Result<Vec<f64>> {
-        let first = self.lamps.len();
+        let first = self.drawn.len();
         let db = |(nth, twin): (usize, &twins::Twin)| {
             twin.db(scene, bake, [&self.live[0][first + nth], &self.live[1][first + nth]])
         };
@@ -176,14 +164,17 @@ fn measure(desk: &Desk, case: &Case) -> Result<Told> {
     let (scene, camera) = prepared(&case.path, case.sky.as_deref())?;
     let scene = Arc::new(scene);
     let film = Film::of_width(WIDTHS[0], &camera);
-    let traced = Traced::find(desk, case, (&scene, &camera, film))?;
+    let (n_places, n_samples) = desk.choose((3, TRACED_SPP[0]), (10, TRACED_SPP[1]));
+    let view = View { scene: &scene, camera: &camera, film, n_samples };
+    let moved = Moved { shapes: vec![LampShape::Point], n_places, clear_m: 0.0 };
+    let traced = Traced::find(case, view, &moved, twins::find(&scene)?)?;
     let mut told = Told::default();
     for &[n_patches, spp] in desk.choose(&[QUICK][..], &BAKES) {
         let config = BakeConfig { spp, patches: n_patches, ..BakeConfig::default() };
         let (bake, spent) = bake(&scene, &camera, film, config)?;
         let (places, bytes) = (traced.places(&scene, &bake)?, Bytes::of(desk, &bake)?);
         let patches = bake.header.patches.as_ref().context("no patches")?;
-        told.add_row((case.name, spp), &places, (patches, bytes, spent));
+        told.add_row((case.name, spp), (&places, traced.n_redrawn), (patches, bytes, spent));
         desk.say(&format!("{} with {} patches, {spp} samples: {places:.3?}", case.name, patches.n_patches()));
         if [n_patches, spp] == desk.choose(QUICK, USUAL) {
             told.add_places(case.name, &places);
@@ -261,10 +252,6 @@ pub(super) fn lamp(shape: LampShape, position: Vec3) -> FreeLamp {
         turn_rad: 0.0,
         replaces: None,
     }
-}
-
-fn point_lamp(position: Vec3) -> Result<PreparedLamps> {
-    Ok(PreparedLamps::new(&[lamp(LampShape::Point, position)], None)?.0)
 }
 
 /// A place in the open space before the camera: between a surface that it sees and another one that is seen from there.

@@ -11,13 +11,13 @@ pub struct Page {
 const HEAD: &str = "# Benchmarks\n\n\
     Every figure on this page was measured and written by the command that its section names, but for tables of others that a section\n\
     quotes, which say whose they are. Times depend on the machine; figures of one table come from one run. Each section tells how long it took, and goes on where it was interrupted; `--quick`\n\
-    measures less of them.\n\n\
+    measures less of them, and aims at under five minutes on two cores.\n\n\
     Seven experiments: error against time; the method's own evaluation; growth; what nobody beats, in bytes and in time to\n\
     relight; ablations, with the work that is skipped; what a sitting costs; and every method on matrices on which methods fail, which\n\
     has a page of its own: [stability](stability.md). The other sections measure one part of the program each.\n\n\
     Which way is ahead stands below each table of [Error against time](#error-against-time), after how many looks a bake has paid in\n\
-    [Where a bake pays for itself](#where-a-bake-pays-for-itself), and again for scenes of others; which methods no other one beats, in\n\
-    [What nobody beats](#what-nobody-beats).\n\n\
+    [Where a bake pays for itself](#where-a-bake-pays-for-itself), and again in the sections behind them for scenes with mirrors and glass,\n\
+    for scenes of others, and under a sky; which methods no other one beats, in [What nobody beats](#what-nobody-beats).\n\n\
     What is aimed at stands in the text of a section, and *kept* or *missed* beside what was measured. Why something is missed stands\n\
     there, too, or on the page of the decision that it names, as far as that is known.\n\n\
     Scenes of `assets/scenes` are always measured. Others, and the matrices `mixed` and `reflect`, lie in a folder that\n\

@@ -1,5 +1,6 @@
 //! What a bake is held against: rows of the dense matrix, sampled twice, without compression and without skips between walks.
 
+use std::cell::OnceCell;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -23,6 +24,8 @@ const NEAR_SAMPLES: u32 = 4;
 const LOOKS: u32 = 8;
 /// Of the references, which no bake has.
 const SEED: u64 = 0x5EED;
+/// Samples of pixels that are taken before they are written down, about: a minute's work or less.
+const PIECE: u64 = 1_000_000;
 /// To be raised when the same file, settings and seed give other numbers: when another scene is read from the file, when rays,
 /// materials, lights or random numbers change, or when what is kept is laid out otherwise. All references are then sampled anew. A
 /// version of the program that changes none of this leaves it as it is.
@@ -93,10 +96,13 @@ impl Reference {
         let key = format!("dense rows of each {step}th pixel: {}", key_of(files, scene, sampling, SEED)?);
         let pixels = every(film, step);
         let (n_cols, n_pixels) = (scene.lighting.basis.n_cols(), pixels.len());
-        let values = desk.kept.numbers(&key, || {
-            desk.say("sampling the reference");
-            Ok(sampled(scene, sampling, &pixels))
-        })?;
+        let pieces = in_pieces(&pixels, sampling.spp);
+        let plan = OnceCell::new();
+        let piece = |nth: usize| {
+            desk.say(&format!("sampling the reference, part {} of {}", nth + 1, pieces.len()));
+            Ok(sampled(scene, plan.get_or_init(|| plainest_plan(scene, sampling, SEED)), sampling, pieces[nth]))
+        };
+        let values = desk.kept.in_pieces(&key, pieces.len(), piece, joined)?;
         let (halves, seen) = values.split_at(2 * n_pixels * CHANNELS * n_cols);
         let (a, b) = halves.split_at(n_pixels * CHANNELS * n_cols);
         let seen = seen.iter().map(|&seen| seen > 0.0).collect();
@@ -141,7 +147,12 @@ impl Reference {
 
     /// The error of every column of rows that are laid out as the reference's.
     pub fn errors(&self, rows: &[f32]) -> ColumnErrors {
-        let column = |column: usize| {
+        self.errors_of(rows, &(0..self.n_cols).collect::<Vec<_>>())
+    }
+
+    /// The same of some columns alone.
+    pub fn errors_of(&self, rows: &[f32], columns: &[usize]) -> ColumnErrors {
+        let column = |&column: &usize| {
             let (mut sums, peak) = ([Sum::default(); 2], self.peaks[column]);
             for row in 0..self.n_rows() {
                 let (x, [a, b]) = (f64::from(rows[row * self.n_cols + column]), self.both(row, column));
@@ -154,8 +165,8 @@ impl Reference {
             let squares = sums.map(|sum| sum.mean_at_least_known() / (peak * peak));
             (peak > 0.0).then_some((squares, sums[0].is_noise()))
         };
-        let columns: Vec<([f64; 2], bool)> = (0..self.n_cols).into_par_iter().filter_map(column).collect();
-        let (squares, are_bounds) = columns.into_iter().unzip();
+        let errors: Vec<([f64; 2], bool)> = columns.par_iter().filter_map(column).collect();
+        let (squares, are_bounds) = errors.into_iter().unzip();
         ColumnErrors { squares, are_bounds }
     }
 
@@ -209,11 +220,27 @@ fn every(film: Film, step: u32) -> Vec<u32> {
     side(film.height).flat_map(|y| side(film.width).map(move |x| y * film.width + x)).collect()
 }
 
+/// Some pixels after the others, as many as take [`PIECE`] samples in both halves.
+fn in_pieces(pixels: &[u32], spp: u32) -> Vec<&[u32]> {
+    let n_pieces = (pixels.len() as u64 * 2 * u64::from(spp)).div_ceil(PIECE).max(1) as usize;
+    pixels.chunks(pixels.len().div_ceil(n_pieces).max(1)).collect()
+}
+
+/// What [`sampled()`] has of all pixels, from what it has of some after the others.
+fn joined(pieces: &[Vec<f32>]) -> Vec<f32> {
+    let mut all = Vec::with_capacity(pieces.iter().map(Vec::len).sum());
+    let half = |piece: &[f32]| piece.len() / (2 * CHANNELS + 1) * CHANNELS;
+    for nth in 0..2 {
+        pieces.iter().for_each(|piece| all.extend_from_slice(&piece[nth * half(piece)..][..half(piece)]));
+    }
+    pieces.iter().for_each(|piece| all.extend_from_slice(&piece[2 * half(piece)..]));
+    all
+}
+
 /// Two halves, then for each pixel and column 1 where its light is seen, else 0. Each pixel walks for itself.
-fn sampled(scene: &PreparedScene, sampling: Sampling, pixels: &[u32]) -> Vec<f32> {
+fn sampled(scene: &PreparedScene, plan: &MatrixPlan, sampling: Sampling, pixels: &[u32]) -> Vec<f32> {
     let Sampling { film, bounces, spp, .. } = sampling;
-    let plan = plainest_plan(scene, sampling, SEED);
-    let matrix = TransportMatrix::new(scene, &plan, scene.scene.cameras[0].clone(), film, bounces, SEED);
+    let matrix = TransportMatrix::new(scene, plan, scene.scene.cameras[0].clone(), film, bounces, SEED);
     let (n_cols, mut seen) = (matrix.n_cols(), vec![0.0; pixels.len() * matrix.n_cols()]);
     let mut values = Vec::with_capacity((2 * CHANNELS + 1) * seen.len());
     for half in [Half::A, Half::B] {
@@ -358,6 +385,28 @@ mod tests {
         PreparedScene::with_sky(Scene::default(), &[], Some(&SkyRequest { light, form: SkyForm::Whole })).unwrap().0
     }
 
+    /// Pixels that all see the sky, a column for each of its patches.
+    fn all_sky() -> PreparedScene {
+        let camera = Camera::look_at("all sky", Vec3::ZERO, Vec3::NEG_Z, 1.0, 2.0);
+        let light = SkyLight::new("uniform", Environment::from_fn(16, 8, |_| Vec3::ONE));
+        let sky = SkyRequest { light, form: SkyForm::Patches(1) };
+        let scene = Scene { cameras: vec![camera], ..Scene::default() };
+        PreparedScene::with_sky(scene, &[], Some(&sky)).unwrap().0
+    }
+
+    #[test]
+    fn pieces_of_a_reference_are_together_what_is_sampled_at_once() {
+        let (scene, film) = (all_sky(), Film { width: 8, height: 4 });
+        let sampling = Sampling { film, step: 1, bounces: None, spp: 2 };
+        let plan = plainest_plan(&scene, sampling, SEED);
+        let pixels = every(film, 1);
+        let of = |pixels: &[u32]| sampled(&scene, &plan, sampling, pixels);
+        assert_eq!(joined(&[of(&pixels[..5]), of(&pixels[5..])]), of(&pixels));
+        let pieces = in_pieces(&pixels, 40_000);
+        assert_eq!(pieces.iter().map(|piece| piece.len()).collect::<Vec<_>>(), [11, 11, 10]);
+        assert_eq!((pieces.concat(), in_pieces(&pixels, 1).len()), (pixels.clone(), 1));
+    }
+
     #[test]
     fn a_reference_is_named_by_what_its_files_hold_its_lights_and_how_it_is_sampled() {
         let folder = std::env::temp_dir().join(format!("clerestory-reference-{}", std::process::id()));
@@ -403,11 +452,7 @@ mod tests {
 
     #[test]
     fn pixels_that_see_the_sky_and_those_beside_them_are_left_out_while_it_is_lit() {
-        let camera = Camera::look_at("all sky", Vec3::ZERO, Vec3::NEG_Z, 1.0, 2.0);
-        let light = SkyLight::new("uniform", Environment::from_fn(16, 8, |_| Vec3::ONE));
-        let sky = SkyRequest { light, form: SkyForm::Patches(1) };
-        let scene = Scene { cameras: vec![camera], ..Scene::default() };
-        let scene = PreparedScene::with_sky(scene, &[], Some(&sky)).unwrap().0;
+        let scene = all_sky();
         let (film, n_cols) = (Film { width: 8, height: 4 }, scene.lighting.basis.n_cols());
         assert_eq!(near_seen_light(&scene, film, &vec![[1.0; 3]; n_cols]), [true; 32]);
         assert_eq!(near_seen_light(&scene, film, &vec![[0.0; 3]; n_cols]), [false; 32]);
@@ -422,6 +467,7 @@ mod tests {
         let off = vec![2.2; 300];
         let errors = reference.errors(&off);
         assert!((errors.mean_db() - 20.0).abs() < 1e-4 && (errors.median_db().expect("an error") - 20.0).abs() < 1e-4);
+        assert!(reference.errors_of(&off, &[]).median_db().is_none());
         // Of a picture the peak is its own: the halves are both bright in a quarter of it.
         let of_picture = reference.picture_db(&[[1.0; 3]], &off).expect("an error");
         assert!((of_picture - decibels(2.5, 0.04)).abs() < 1e-4);

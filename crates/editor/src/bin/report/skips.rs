@@ -19,35 +19,43 @@ use clerestory_transport::skips::{Skip, Skips};
 use clerestory_transport::sky::{Environment, SkyForm, SkyLight};
 
 use super::desk::Desk;
-use super::fit::{cpu_words, hundredths, spread_words};
+use super::fit::{cpu_words, hundredths, spread_words, tenths, tenths_known};
 use super::matrix::process_cpu_secs;
 use super::reference::{Reference, Sampling};
 use super::rendered::as_in_file;
 
-/// Tolerance in dB, one that many blocks can reach.
-const TOLERANCE_DB: f32 = 12.0;
-/// Times that each bake is measured, in a hurry and else, all of them in turn; those that sample every block to the end take longest by
-/// far: once.
-const TRIES: [usize; 2] = [1, 3];
+/// What is asked for, in dB: less than of bakes that are told nothing, which would take hours.
+const TOLERANCE_DB: f32 = 30.0;
+/// Seeds of each bake, all bakes in turn; in a hurry the first of them alone.
+const SEEDS: &[u64] = &[1, 2, 3];
+/// How far the seed of another one lies from that of its turn.
+const BEYOND: u64 = 100;
 
 /// Scene of `assets/scenes` that is baked again.
 const AGAIN: &str = "gallery";
 
 /// One bake with what it took, each time that it was measured.
+#[derive(Default)]
 struct Run {
     load_secs: Vec<f64>,
     bake_secs: Vec<f64>,
+    /// Of the first.
     skipped: Skipped,
     /// RGB under the light of the file.
-    picture: Vec<f32>,
+    pictures: Vec<Vec<f32>>,
     /// See [`Judge::errors_db`].
-    error_db: [Option<f64>; 2],
+    errors_db: Vec<[Option<f64>; 2]>,
 }
 
 impl Run {
-    fn new(bake: &Bake, judge: &Judge) -> Self {
-        let (skipped, picture, error_db) = (bake.figures().skipped, as_in_file(bake), judge.errors_db(bake));
-        Self { load_secs: Vec::new(), bake_secs: Vec::new(), skipped, picture, error_db }
+    fn add(&mut self, bake: &Bake, [load_secs, bake_secs]: [f64; 2], judge: &Judge) {
+        if self.pictures.is_empty() {
+            self.skipped = bake.figures().skipped;
+        }
+        self.load_secs.push(load_secs);
+        self.bake_secs.push(bake_secs);
+        self.pictures.push(as_in_file(bake));
+        self.errors_db.push(judge.errors_db(bake));
     }
 }
 
@@ -63,7 +71,7 @@ struct Subject {
 }
 
 impl Subject {
-    /// Rooms of `assets/scenes`, and an open courtyard where it is at hand, of which fewer pixels are baked.
+    /// Rooms of `assets/scenes`, and an open courtyard where it is at hand, of which fewer pixels are baked in a hurry.
     fn all(desk: &Desk, film: Film) -> Vec<Subject> {
         let own = |name: &str| desk.root.join(format!("assets/scenes/{name}.glb"));
         let room = Subject { name: "gallery", path: own("gallery"), under_sky: false, has_boxed_lamp: false, film };
@@ -74,7 +82,7 @@ impl Subject {
             path,
             under_sky: true,
             has_boxed_lamp: true,
-            film: half,
+            film: desk.choose(half, film),
         });
         [room, closed].into_iter().chain(open).collect()
     }
@@ -122,11 +130,11 @@ impl Judge {
 
 /// Of a reference: few of the picture's pixels, so that it takes less than a bake without any skip.
 fn sampling(desk: &Desk, film: Film) -> Sampling {
-    Sampling { film, step: desk.choose(2, 4), bounces: None, spp: desk.choose(8, 32) }
+    Sampling { film, step: 2, bounces: None, spp: desk.choose(8, 64) }
 }
 
-fn tries(desk: &Desk) -> usize {
-    desk.choose(TRIES[0], TRIES[1])
+fn seeds(desk: &Desk) -> &'static [u64] {
+    desk.choose(&SEEDS[..1], SEEDS)
 }
 
 /// Bakes scenes with every skip, without each one, and without any.
@@ -134,8 +142,8 @@ fn tries(desk: &Desk) -> usize {
 /// # Errors
 /// If a scene cannot be baked, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
-    let film = desk.choose(Film { width: 32, height: 32 }, Film { width: 256, height: 192 });
-    let (spp, tries) = (desk.choose(8, 64), tries(desk));
+    let film = desk.choose(Film { width: 32, height: 32 }, Film { width: 96, height: 72 });
+    let (spp, usual) = (desk.choose(8, 64), BakeConfig::default());
     let Sampling { step, spp: reference_spp, .. } = sampling(desk, film);
     let mut tables = String::new();
     for subject in Subject::all(desk, film) {
@@ -144,12 +152,15 @@ pub fn write(desk: &Desk) -> Result<String> {
     tables += &desk.part::<String>("skips", "again", || again::table(desk, AGAIN, film, spp))?;
     Ok(format!(
         "## Work that is skipped\n\n\
-         Bakes with at most {spp} samples per pixel, asked for {TOLERANCE_DB} dB, indirect light traced, no preview: with all\n\
-         skips, with each one off alone, and with all off. Times are CPU seconds (user and system) of the whole process, median (least…greatest) of\n\
-         {tries} turns through the table, and their ratio that within a turn; those in which no block ends early once. Seed 1 but where another is told. *Picture* holds the picture under the\n\
-         light of the file against that with all skips: 10·log10(pk² / mean Δ²), pk the 99.5 percentile. Where random numbers\n\
-         differ it shows their noise, which the row with another seed tells. *Single lights* (median) and *all lights* of the file are errors as in the section Error\n\
+         Bakes asked for {TOLERANCE_DB} dB with at most {spp} samples per pixel (told nothing, bakes ask for {} dB with at most {}, which would take far longer), indirect light traced, no preview: with all\n\
+         skips, with each one off alone, and with all off. All figures are the median (least…greatest) of the seeds {}, all rows in turn with each of them: CPU seconds (user and system) of the whole process, and their ratio\n\
+         within a turn. *Picture* holds the picture under the\n\
+         light of the file against that with all skips and the same seed: 10·log10(pk² / mean Δ²), pk the 99.5 percentile. Where random numbers\n\
+         differ it shows their noise, which the row with other seeds tells. *Single lights* (median) and *all lights* of the file are errors as in the section Error\n\
          against time, beside two references of {reference_spp} samples per pixel each, of pixels that are {step} apart, for which no work was left out. {}\n{tables}",
+        usual.tolerance_db,
+        usual.spp,
+        seeds(desk).iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
         desk.load_words(),
     ))
 }
@@ -159,20 +170,14 @@ fn table(desk: &Desk, subject: &Subject, spp: u32) -> Result<String> {
     desk.say(&format!("{name}: what its bakes are held against"));
     let judge = Judge::new(desk, subject)?;
     let ways = ways();
-    let mut runs: Vec<Run> = Vec::new();
-    for turn in 0..tries(desk) {
-        for (nth, (what, skips, seed)) in ways.iter().enumerate() {
-            if turn > 0 && !skips.has(Skip::ConvergedBlocks) {
-                continue;
-            }
-            desk.say(&format!("baking {name}, {what}, turn {}", turn + 1));
-            let config = BakeConfig { spp, tolerance_db: TOLERANCE_DB, seed: *seed, ..Default::default() };
+    let mut runs: Vec<Run> = ways.iter().map(|_| Run::default()).collect();
+    for &seed in seeds(desk) {
+        for ((what, skips, beyond), run) in ways.iter().zip(&mut runs) {
+            desk.say(&format!("baking {name}, {what}, seed {seed}"));
+            let (tolerance_db, seed) = (TOLERANCE_DB, seed + beyond);
+            let config = BakeConfig { spp, tolerance_db, seed, ..BakeConfig::default() };
             let (bake, secs) = attempt(subject, &config, *skips)?;
-            if turn == 0 {
-                runs.push(Run::new(&bake, &judge));
-            }
-            runs[nth].load_secs.push(secs[0]);
-            runs[nth].bake_secs.push(secs[1]);
+            run.add(&bake, secs, &judge);
         }
     }
     let with_all = &runs[0];
@@ -186,13 +191,13 @@ fn table(desk: &Desk, subject: &Subject, spp: u32) -> Result<String> {
     ))
 }
 
-/// With all skips, without each one, and without any: in words, and with the seed of each.
+/// With all skips, without each one, and without any: in words, and how far the seed of each lies from that of its turn.
 fn ways() -> Vec<(String, Skips, u64)> {
     // Without an earlier bake at hand there is nothing to take over: that has a table of its own.
     let one_off = Skip::ALL.into_iter().filter(|skip| *skip != Skip::Reuse);
-    let one_off = one_off.map(|skip| (format!("without {}", skip.name()), Skips::default().without(skip), 1));
-    let ends = [("all skips".into(), Skips::default(), 1), ("all skips, another seed".into(), Skips::default(), 2)];
-    ends.into_iter().chain(one_off).chain([("without any".into(), Skips::none(), 1)]).collect()
+    let one_off = one_off.map(|skip| (format!("without {}", skip.name()), Skips::default().without(skip), 0));
+    let ends = [("all skips".into(), Skips::default(), 0), ("all skips, other seeds".into(), Skips::default(), BEYOND)];
+    ends.into_iter().chain(one_off).chain([("without any".into(), Skips::none(), 0)]).collect()
 }
 
 /// A bake, and the CPU seconds that loading its scene and it took.
@@ -209,14 +214,27 @@ fn attempt(subject: &Subject, config: &BakeConfig, skips: Skips) -> Result<(Bake
 
 fn row(what: &str, run: &Run, with_all: &Run) -> String {
     let of_turns = run.bake_secs.iter().zip(&with_all.bake_secs).map(|(secs, all)| secs / all);
-    let db = psnr_db(&run.picture, &with_all.picture).map_or("the same".into(), |db| format!("{db:.1}"));
-    let [single, all] = run.error_db.map(|db| db.map_or("—".into(), |db| format!("{db:.1}")));
+    let pictures = run.pictures.iter().zip(&with_all.pictures).map(|(picture, all)| psnr_db(picture, all));
+    let errors_db = |which: usize| run.errors_db.iter().map(|db| db[which]).collect::<Vec<_>>();
     format!(
-        "| {what} | {} | {} | {}× | {db} | {single} | {all} |\n",
+        "| {what} | {} | {} | {}× | {} | {} | {} |\n",
         cpu_words(run.load_secs.clone()),
         spread_words(run.bake_secs.clone()),
         hundredths(of_turns.collect()),
+        pictures_words(&pictures.collect::<Vec<_>>()),
+        tenths_known(&errors_db(0)),
+        tenths_known(&errors_db(1)),
     )
+}
+
+/// How far pictures are from others, as [`psnr_db`] tells it, and how many are the same.
+fn pictures_words(dbs: &[Option<f64>]) -> String {
+    let differ: Vec<f64> = dbs.iter().copied().flatten().collect();
+    match dbs.len() - differ.len() {
+        0 => tenths(differ),
+        n_same if n_same == dbs.len() => "the same".into(),
+        n_same => format!("{}, {n_same} the same", tenths(differ)),
+    }
 }
 
 /// What a bake tells that it found needless.
@@ -258,19 +276,26 @@ mod tests {
 
     #[test]
     fn a_row_tells_what_a_skip_saves_and_how_far_the_bake_is_off() {
-        let run = |bake_secs: [f64; 3], value: f32, error_db: [Option<f64>; 2]| Run {
-            load_secs: vec![0.01],
+        let run = |bake_secs: [f64; 3], value: f32, all_lights: Option<f64>| Run {
+            load_secs: vec![0.01; 3],
             bake_secs: bake_secs.to_vec(),
             skipped: Skipped::default(),
-            picture: vec![value; 100],
-            error_db,
+            pictures: vec![vec![value; 100]; 3],
+            errors_db: [20.0, 20.5, 21.0].map(|db| [Some(db), all_lights]).into(),
         };
-        let with_all = run([2.0, 2.2, 2.4], 1.0, [Some(20.0), Some(31.3)]);
-        let told = "| all | 0.01 | 2.2 (2.0…2.4) | 1.00 (1.00…1.00)× | the same | 20.0 | 31.3 |\n";
+        let with_all = run([2.0, 2.2, 2.4], 1.0, Some(31.3));
+        let told = "| all | 0.01 (0.01…0.01) | 2.2 (2.0…2.4) | 1.00 (1.00…1.00)× | the same | 20.5 (20.0…21.0) | 31.3 (31.3…31.3) |\n";
         assert_eq!(row("all", &with_all, &with_all), told);
-        let without = run([3.0, 3.3, 3.3], 1.1, [Some(20.5), None]);
-        let told = "| none | 0.01 | 3.3 (3.0…3.3) | 1.50 (1.38…1.50)× | 20.0 | 20.5 | — |\n";
+        let without = run([3.0, 3.3, 3.3], 1.1, None);
+        let told = "| none | 0.01 (0.01…0.01) | 3.3 (3.0…3.3) | 1.50 (1.38…1.50)× | 20.0 (20.0…20.0) | 20.5 (20.0…21.0) | — |\n";
         assert_eq!(row("none", &without, &with_all), told);
+    }
+
+    #[test]
+    fn pictures_that_are_the_same_with_some_seeds_are_counted() {
+        assert_eq!(pictures_words(&[None, None]), "the same");
+        assert_eq!(pictures_words(&[Some(40.0), Some(41.0), Some(42.0)]), "41.0 (40.0…42.0)");
+        assert_eq!(pictures_words(&[None, Some(40.0), None]), "40.0, 2 the same");
     }
 
     #[test]

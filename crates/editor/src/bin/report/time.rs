@@ -1,9 +1,11 @@
 //! Error against time: ours, the matrix without compression, a render per light, a render per look; and the first seconds.
 
+mod pays;
 mod runs;
 pub mod seconds;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
+use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::import::{self, load_sky};
@@ -14,17 +16,31 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::desk::Desk;
-use super::fit::{secs_between, secs_words, spread, spread_words, tenths};
+use super::fit::{secs_between, secs_words, spread_words, tenths};
 use super::goal::gains_words;
 use super::plot::{Axis, Panel, Scale, Series};
 
-/// Names of the sections of scenes that lie elsewhere, and of the first seconds.
+/// Names of the sections of scenes in which light comes by mirrors and glass, of those that lie elsewhere, and of the first seconds.
+const EVEN: &str = "time";
+pub const MIRRORS: &str = "time-mirrors";
+pub const MIXED: &str = "time-mixed";
 pub const OTHERS: &str = "time-others";
 pub const LIVING_ROOM: &str = "time-living-room";
 pub const SECONDS: &str = "first-seconds";
-/// What the headings of both end with, so that none stands twice on the page.
+/// What their headings end with, so that none stands twice on the page.
+const OF_MIRRORS: &str = ", by mirrors and glass";
+const OF_MIXED: &str = ", with all kinds of surfaces";
 const OF_OTHERS: &str = ", in scenes of others";
 const OF_LIVING_ROOM: &str = ", in a living room under its sky";
+
+/// A scene of the method's evaluation: its name, and the samples per pixel of each half of its reference. Single lights are the noisier the
+/// more of their light comes by mirrors and glass.
+type Own = (&'static str, u32);
+
+const EVENLY_LIT: [Own; 2] = [("gallery", runs::REFERENCE_SPP), ("diffuse", runs::REFERENCE_SPP)];
+/// These are sections of their own, as with the samples of their references they take longer than those together.
+const BY_MIRRORS: [Own; 2] = [("reflections", 512), ("caustics", 1024)];
+const ALL_SURFACES: [Own; 1] = [("mixed", 1024)];
 
 /// A scene that lies elsewhere: its name, its file, and the map of its sky.
 type Elsewhere = (&'static str, &'static str, Option<&'static str>);
@@ -46,6 +62,10 @@ pub(super) struct Subject {
     pub(super) film: Film,
     /// Of its pixels across and down, every so manyth is compared.
     pub(super) step: u32,
+    /// Samples per pixel of each half of its reference, unless in a hurry.
+    pub(super) reference_spp: u32,
+    /// Repeats where few samples are taken.
+    pub(super) n_seeds: usize,
 }
 
 impl Subject {
@@ -58,6 +78,7 @@ impl Subject {
 /// Ways to an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Way {
+    Default,
     Fast,
     Exact,
     Dense,
@@ -66,12 +87,13 @@ pub(super) enum Way {
 }
 
 impl Way {
-    const ALL: [Way; 5] = [Way::Fast, Way::Exact, Way::Dense, Way::Renders, Way::Plain];
+    const ALL: [Way; 6] = [Way::Default, Way::Fast, Way::Exact, Way::Dense, Way::Renders, Way::Plain];
 
     fn name(self) -> &'static str {
         match self {
+            Way::Default => "ours, by default",
             Way::Fast => "ours, indirect light shared",
-            Way::Exact => "ours, indirect light traced",
+            Way::Exact => "ours, traced, not denoised",
             Way::Dense => "matrix, not compressed",
             Way::Renders => "a render per light",
             Way::Plain => "a render of one look",
@@ -80,7 +102,7 @@ impl Way {
 }
 
 /// Which of all ways makes one look alone.
-const PLAIN: usize = 4;
+const PLAIN: usize = 5;
 
 /// What a way has reached after some time.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -98,11 +120,8 @@ pub(super) struct Point {
 const CHAPTERS: [(usize, &str, &str); 3] =
     [(0, "Single lights", "single"), (2, "All lights of the file", "full"), (1, "Spots on a panel", "spots")];
 const CLASSES: [&str; 3] = ["single lights", "spots on a panel", "all lights of the file"];
-/// What is told of a class that no scene of a section has.
-const NOT_THERE: &str = "\nNot measured: the scenes of this section have none.\n";
 
 /// One scene's measurements.
-#[derive(Serialize, Deserialize)]
 struct Measured {
     n_cols: usize,
     points: Vec<Point>,
@@ -122,12 +141,28 @@ impl Measured {
     }
 }
 
-/// Measures the scenes of the method's evaluation.
+/// Measures the gallery, and the scene of the method's evaluation that is as evenly lit.
 ///
 /// # Errors
 /// If a scene cannot be loaded or baked, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
-    measured(desk, ("time", ""), own(desk))
+    measured(desk, (EVEN, ""), own(desk, &EVENLY_LIT))
+}
+
+/// Measures those in which single lights come by mirrors and glass.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_mirrors(desk: &Desk) -> Result<String> {
+    measured(desk, (MIRRORS, OF_MIRRORS), own(desk, &BY_MIRRORS))
+}
+
+/// Measures the one that has all of it.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_mixed(desk: &Desk) -> Result<String> {
+    measured(desk, (MIXED, OF_MIXED), own(desk, &ALL_SURFACES))
 }
 
 /// Measures the scenes of others that are at hand.
@@ -158,56 +193,70 @@ pub fn has_living_room(desk: &Desk) -> bool {
 
 /// The tables and plots of some scenes; `of` is what their headings end with.
 fn measured(desk: &Desk, (section, of): (&str, &str), subjects: Vec<Subject>) -> Result<String> {
-    let mut scenes = Vec::new();
-    for subject in subjects {
-        let mut measured: Measured = desk.part(section, subject.name, || {
-            let scene = prepared(&subject)?;
-            let (points, ends) = runs::measure(desk, &subject, &scene)?;
-            Ok(Measured { n_cols: scene.lighting.basis.n_cols(), points, ends })
-        })?;
-        let curves = [Way::Fast, Way::Exact].map(|way| measured.curve(way, 0));
-        measured.points.extend(desk.part::<Vec<Point>>(section, &format!("{}, further", subject.name), || {
-            runs::further(desk, &subject, curves.each_ref().map(Vec::as_slice))
-        })?);
-        scenes.push((subject, measured));
-    }
-    let mut text = format!(
-        "## Error against time{of}\n\n\
-         CPU seconds (user and system), without loading the scene and building its hierarchy, against the error in dB: ours with growing\n\
-         numbers of samples, from the preview on; the same samples without compression; a path-traced render per light, all of them; and one\n\
-         render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
-         references of {} samples per pixel each that are kept between runs, below the square of the reference's 99.5 percentile, told as no less than its standard error; nothing is\n\
-         clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the median over all\n\
-         columns, each below its own peak. Shared light is denoised by what its pixels show; traced light is not, as with `--no-denoise`, nor is anything else. Spots: three of them on the first panel, one after the other, and the mean of their dB and, of a render of one look, of their seconds. A render of one single light is one of a render per light. Of each number of samples all ways are measured one after the other; further points of the one of ours that is ahead come last. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
-        runs::reference_spp(desk),
-        desk.load_words(),
-    );
+    ensure!(!subjects.is_empty(), "its scenes lie in the folder that CLERESTORY_SHARED names, and are not there");
+    let measured = |subject: Subject| {
+        let measured = runs::measure(desk, section, &subject)?;
+        Ok::<_, anyhow::Error>((subject, measured))
+    };
+    let scenes = subjects.into_iter().map(measured).collect::<Result<Vec<_>>>()?;
+    let mut text = format!("## Error against time{of}\n\n{}{}\n", opening(section), desk.load_words());
+    let mut missing = Vec::new();
     for (class, what, file) in CHAPTERS {
         let panels = scenes.iter().map(|(subject, measured)| panel(subject, measured, class));
         let panels: Vec<Panel> = panels.filter(|panel| !panel.series.is_empty()).collect();
-        text += &format!("\n### {what}{of}\n");
         if panels.is_empty() {
-            text += NOT_THERE;
+            missing.push(CLASSES[class]);
             continue;
         }
+        text += &format!("\n### {what}{of}\n");
         text +=
             &desk.plot(&format!("{section}-{file}"), &format!("{what}: error against CPU time, by scene"), &panels)?;
         text += &table(&scenes, class);
     }
-    text += &ends(&scenes, of);
+    if !missing.is_empty() {
+        text += &format!("\nThe scenes of this section have no {}.\n", missing.join(" and no "));
+    }
+    text += &ends(&scenes, |subject| runs::reference_spp(desk, subject), of);
     text += &repeats(&scenes, of);
     text += &beside_samples(scenes.iter().map(|(subject, measured)| (subject.name, measured.points.as_slice())));
-    text += &pays(&scenes, of);
+    text += &pays::table(&scenes, of);
     Ok(text)
 }
 
-/// The scenes of the method's evaluation.
-fn own(desk: &Desk) -> Vec<Subject> {
-    let own: &[&str] = desk.choose(&["diffuse"], &["gallery", "diffuse", "reflections", "caustics", "mixed"]);
+/// What is measured, and how; told once.
+fn opening(section: &str) -> String {
+    if section != EVEN {
+        return "Measured as in the section [Error against time](#error-against-time), which tells what stands for what. ".into();
+    }
+    format!(
+        "CPU seconds (user and system), without loading the scene and building its hierarchy, against the error in dB, of six ways. Ours by\n\
+         default: what `clerestory bake` makes with growing numbers of samples (`--spp`) and no other option, so that its light is traced and\n\
+         denoised and blocks are done at 40 dB; with {default} samples, where these do not take too long, it is the bake that nothing is said of.\n\
+         Ours with indirect light shared, as with `--fast`, and traced but not denoised, as with `--no-denoise`, both taking all samples. The very\n\
+         samples of the latter without compression: the full matrix. A path-traced render per light, all of them. And one render of the look in\n\
+         question, which no light can be changed in afterwards. The first point of ours is the preview; its seconds are not among those of the\n\
+         points that follow.\n\n\
+         Where a render per light would take too long for all lights, {some} of them are rendered, evenly spaced over the columns: the seconds\n\
+         are theirs times the number of lights over {some}, and the error is that of single lights alone, the median over these. A render of one\n\
+         single light costs its part of a render per light.\n\n\
+         The error is the mean of (x − a)(x − b), a and b two references that are kept between runs and whose samples stand below, under the\n\
+         square of the reference's 99.5 percentile, told as no less than its standard error; nothing is clipped, and pixels that show the light\n\
+         itself, or lie beside one that does, are left out. Of single lights: the median over all columns, each below its own peak. Spots: three\n\
+         of them on the first panel, one after the other, and the mean of their dB and, of a render of one look, of their seconds.\n\n\
+         Of each number of samples all ways are measured one after the other; further points of shared light or of light that is not denoised,\n\
+         whichever is ahead, come last. Seed 1, of a render per light another one for each; how far repeats lie apart is told below. The\n\
+         references have seeds of their own. ",
+        default = BakeConfig::default().spp,
+        some = runs::SOME,
+    )
+}
+
+/// Scenes of the method's evaluation; in a hurry no more than the last.
+fn own(desk: &Desk, scenes: &'static [Own]) -> Vec<Subject> {
     let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 160, height: 120 }, 2));
-    let own = own.iter().map(|name| {
+    let own = scenes[desk.choose(scenes.len() - 1, 0)..].iter().map(|&(name, reference_spp)| {
         let path = desk.root.join(format!("assets/scenes/{name}.glb"));
-        Subject { name, path, sky: None, film, step }
+        Subject { name, path, sky: None, film, step, reference_spp, n_seeds: runs::SEEDS.len() }
     });
     own.collect()
 }
@@ -216,8 +265,11 @@ fn own(desk: &Desk) -> Vec<Subject> {
 fn others(desk: &Desk, scenes: &'static [Elsewhere]) -> Vec<Subject> {
     let (film, step) = desk.choose((Film { width: 96, height: 72 }, 1), (Film { width: 512, height: 384 }, 4));
     let real = scenes[..desk.choose(1, scenes.len())].iter().filter_map(|(name, path, sky)| {
+        // Under a sky bakes of few samples take as long as others of many.
+        let n_seeds = runs::SEEDS.len() - usize::from(sky.is_some());
         let sky = sky.map(|sky| desk.shared(sky));
-        Some(Subject { name, path: desk.shared(path)?, sky: sky.map_or(Some(None), |sky| sky.map(Some))?, film, step })
+        let (path, sky) = (desk.shared(path)?, sky.map_or(Some(None), |sky| sky.map(Some))?);
+        Some(Subject { name, path, sky, film, step, reference_spp: runs::REFERENCE_SPP, n_seeds })
     });
     real.collect()
 }
@@ -251,7 +303,7 @@ fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
     let ways: Vec<&str> = Way::ALL.iter().map(|way| way.name()).collect();
     let mut text = format!(
         "\nCPU seconds to an error of {}, between measured points; \"<\" and \">\": it was reached before the first point, or would be after the last, which has the dB behind it; \"—\": not measured, \
-         as it takes too long. The least of each row in bold, where the points tell which it is{}.\n\n| scene | size | dB | {} |\n|---|---|---|{}\n",
+         as it takes too long; \"†\": more dB than the reference can tell, see below. The least of each row in bold, where the points tell which it is{}.\n\n| scene | size | dB | {} |\n|---|---|---|{}\n",
         CLASSES[class],
         if class == 0 { ", a render of one of the lights aside" } else { "" },
         ways.join(" | "),
@@ -277,7 +329,8 @@ fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
             };
             let cells: Vec<String> = (0..curves.len()).map(cell).collect();
             let Film { width, height } = subject.film;
-            text += &format!("| {} | {width}×{height} | {target:.0} | {} |\n", subject.name, cells.join(" | "));
+            let mark = if measured.ends[class].is_some_and(|end| end < target) { " †" } else { "" };
+            text += &format!("| {} | {width}×{height} | {target:.0}{mark} | {} |\n", subject.name, cells.join(" | "));
         }
     }
     text + &ahead_words(ahead, n_rows)
@@ -309,17 +362,17 @@ fn soonest<const N: usize>(secs: [Option<[f64; 2]>; N]) -> Option<usize> {
     (0..N).find(is_first)
 }
 
-/// How near to the truth errors can be told.
-fn ends(scenes: &[(Subject, Measured)], of: &str) -> String {
+/// How near to the truth errors can be told, and the samples of the references.
+fn ends(scenes: &[(Subject, Measured)], samples: impl Fn(&Subject) -> u32, of: &str) -> String {
     let mut text = format!(
         "\n### Where the references end{of}\n\n\
          dB that the mean of both references would be told to have, by its standard error alone: about as far as errors can be told where the noise is even. Where it is a few bright samples, which hardly ever stand in the same entry of both, what is nearer to the truth than their mean is told as better than this.\n\n\
-         | scene | {} |\n|---|---|---|---|\n",
+         | scene | samples per pixel of each of both | {} |\n|---|---|---|---|---|\n",
         CHAPTERS.map(|(class, ..)| CLASSES[class]).join(" | "),
     );
     for (subject, measured) in scenes {
         let cells = CHAPTERS.map(|(class, ..)| measured.ends[class].map_or("—".into(), |db| format!("{db:.1}")));
-        text += &format!("| {} | {} |\n", subject.name, cells.join(" | "));
+        text += &format!("| {} | {} | {} |\n", subject.name, samples(subject), cells.join(" | "));
     }
     text
 }
@@ -332,7 +385,7 @@ fn repeats(scenes: &[(Subject, Measured)], of: &str) -> String {
          CPU seconds and dB with {} samples per pixel, median (least…greatest) of {} seeds, of a render per light one; dB of single lights, of a render of one look those of all lights of the file.\n\n\
          | scene | {} |\n|---|{}\n",
         runs::REPEATED_SPP,
-        runs::SEEDS.len(),
+        scenes.iter().map(|(subject, _)| subject.n_seeds).max().unwrap_or(0),
         ways.join(" | "),
         "---|".repeat(ways.len()),
     );
@@ -374,85 +427,31 @@ fn beside_samples<'a>(scenes: impl Iterator<Item = (&'a str, &'a [Point])>) -> S
     )
 }
 
-/// After how many changes of light a bake has cost less than a render for each.
-fn pays(scenes: &[(Subject, Measured)], of: &str) -> String {
-    let mut text = format!(
-        "\n### Where a bake pays for itself{of}\n\n\
-         Looks of all lights after which the bake has cost less CPU time than a render of each at the same error; relighting itself takes\n\
-         milliseconds (see Relighting) and is not counted. \"≤\" and \">\": one of the two reached the error before the first point that was measured, or\n\
-         would have after the last; \"—\": nothing follows from them.\n\n\
-         | scene | dB | ours, indirect light shared | ours, indirect light traced | matrix, not compressed | a render per light |\n|---|---|---|---|---|---|\n",
-    );
-    let mut most: [Vec<f64>; 2] = Default::default();
-    for (subject, measured) in scenes {
-        for target in TARGETS_DB {
-            let secs = |way: Way| secs_between(target, &measured.curve(way, 2));
-            for (most, way) in most.iter_mut().zip([Way::Fast, Way::Exact]) {
-                most.extend(secs(way).zip(secs(Way::Plain)).and_then(|(bake, render)| most_looks(bake, render)));
-            }
-            let looks = |way: Way| looks_words(secs(way)?, secs(Way::Plain)?);
-            let looks = |way: Way| looks(way).unwrap_or_else(|| "—".into());
-            let cells = [Way::Fast, Way::Exact, Way::Dense, Way::Renders].map(looks);
-            text += &format!("| {} | {target:.0} | {} |\n", subject.name, cells.join(" | "));
-        }
-    }
-    let n_rows = TARGETS_DB.len() * scenes.len();
-    let [shared, traced] = most.map(|most| {
-        let [least, median, greatest] = spread(&most);
-        if most.is_empty() {
-            return format!("in none of {n_rows} rows");
-        }
-        format!("{median:.0} ({least:.0}…{greatest:.0}) in {} of {n_rows} rows", most.len())
-    });
-    text + &format!(
-        "\nA bake of ours has paid for itself after at most so many looks, median (least…greatest) of the rows whose points tell it: {shared} with indirect light shared, {traced} with it traced.\n"
-    )
-}
-
-/// The most looks that a bake costs, given the same; nothing where there is no most.
-fn most_looks(bake: [f64; 2], render: [f64; 2]) -> Option<f64> {
-    let looks = (bake[1] / render[0]).ceil();
-    looks.is_finite().then_some(looks)
-}
-
-/// So many looks that a bake costs, given the least and the greatest seconds of the bake and of a render; nothing where all is possible.
-fn looks_words(bake: [f64; 2], render: [f64; 2]) -> Option<String> {
-    let [least, greatest] = [bake[0] / render[1], bake[1] / render[0]];
-    match (least == greatest, greatest.is_finite(), least >= 1.0) {
-        (true, ..) => Some(format!("{:.0}", greatest.ceil())),
-        (_, true, _) => Some(format!("≤ {:.0}", greatest.ceil())),
-        (_, _, true) => Some(format!("> {:.0}", least.floor())),
-        _ => None,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn subject(name: &'static str) -> Subject {
+        let film = Film { width: 4, height: 3 };
+        Subject { name, path: PathBuf::new(), sky: None, film, step: 1, reference_spp: 64, n_seeds: 3 }
+    }
+
+    fn point(way: Way, cpu_secs: f64, db: f64) -> Point {
+        Point { way, seed: 1, spp: Some(4), cpu_secs, db: [None, None, Some(db)] }
+    }
+
     #[test]
-    fn the_soonest_way_is_bold_and_a_bake_pays_after_as_many_looks_as_it_costs_renders() {
-        let point = |way: Way, cpu_secs: f64, db: f64| Point {
-            way,
-            seed: 1,
-            spp: Some(4),
-            cpu_secs,
-            db: [None, None, Some(db)],
-        };
+    fn the_soonest_way_is_bold_and_what_no_reference_can_tell_is_marked() {
         let points = vec![
             point(Way::Fast, 1.0, 20.0),
             point(Way::Fast, 16.0, 40.0),
             point(Way::Plain, 0.1, 20.0),
             point(Way::Plain, 1.6, 40.0),
         ];
-        let film = Film { width: 4, height: 3 };
-        let subject = Subject { name: "hall", path: PathBuf::new(), sky: None, film, step: 1 };
-        let scenes = [(subject, Measured { n_cols: 1, points, ends: [Some(30.0), None, Some(45.25)] })];
-        let told = ends(&scenes, OF_OTHERS);
-        assert!(told.starts_with("\n### Where the references end, in scenes of others\n"), "{told}");
-        assert!(told.ends_with("\n| hall | 30.0 | 45.2 | — |\n"), "{told}");
+        let scenes = [(subject("hall"), Measured { n_cols: 1, points, ends: [Some(30.0), None, Some(32.25)] })];
         let rows = table(&scenes, 2);
-        assert!(rows.contains("| hall | 4×3 | 30 | 4.0 | — | — | — | **0.40** |"), "{rows}");
+        assert!(rows.contains("| hall | 4×3 | 30 | — | 4.0 | — | — | — | **0.40** |"), "{rows}");
+        assert!(rows.contains("| hall | 4×3 | 35 † | — |"), "{rows}");
         assert!(
             rows.ends_with("The soonest of 2 rows: a render of one look in 2; the points do not tell in 0.\n"),
             "{rows}"
@@ -460,25 +459,34 @@ mod tests {
         assert!(!table(&scenes, 0).contains("hall"), "no single lights were measured");
         let curve = [[1.0, 20.0], [103.0, 21.6]];
         assert_eq!([21.0, 30.0].map(|db| short_of(db, &curve)), ["", " (21.6 dB)"]);
-        let mut points = scenes[0].1.points.clone();
+        let endless = f64::INFINITY;
+        assert_eq!(soonest([Some([4.0, 4.0]), None, Some([3.0, endless])]), None, "the last may take 3 or 300");
+        assert_eq!(soonest([Some([0.0, 1.4]), Some([1.7, 1.7])]), Some(0));
+        assert_eq!(soonest([Some([9.0, endless]), None]), None);
+    }
+
+    #[test]
+    fn references_are_told_with_their_samples_and_where_they_end() {
+        let measured = Measured { n_cols: 1, points: Vec::new(), ends: [Some(30.0), None, Some(45.25)] };
+        let told = ends(&[(subject("hall"), measured)], |_| 1024, OF_OTHERS);
+        assert!(told.starts_with("\n### Where the references end, in scenes of others\n"), "{told}");
+        assert!(told.ends_with("\n| hall | 1024 | 30.0 | 45.2 | — |\n"), "{told}");
+    }
+
+    #[test]
+    fn ours_is_held_against_the_very_samples_that_it_is_made_of() {
+        let mut points = vec![point(Way::Fast, 1.0, 20.0)];
         points.extend([Point { db: [Some(20.0), None, Some(30.0)], ..point(Way::Exact, 9.0, 0.0) }]);
         points.extend([Point { db: [Some(19.5), None, Some(30.5)], ..point(Way::Dense, 8.0, 0.0) }]);
         let words = beside_samples([("hall", points.as_slice())].into_iter());
         assert!(words.contains("of single lights 0.5, kept: +0.5 dB at worst (`hall`, 4 samples, seed 1);"), "{words}");
         assert!(words.contains("of the file -0.5, missed: -0.5 dB at worst (`hall`, 4 samples, seed 1)."), "{words}");
-        let told = pays(&scenes, "");
-        assert!(told.contains("| hall | 30 | 10 | — | — | — |"), "{told}");
-        let words = " in 2 of 2 rows with indirect light shared, in none of 2 rows with it traced.\n";
-        assert!(told.ends_with(words), "{told}");
-        let endless = f64::INFINITY;
-        assert_eq!(soonest([Some([4.0, 4.0]), None, Some([3.0, endless])]), None, "the last may take 3 or 300");
-        assert_eq!(soonest([Some([0.0, 1.4]), Some([1.7, 1.7])]), Some(0));
-        assert_eq!(soonest([Some([9.0, endless]), None]), None);
-        let looks = |bake, render| looks_words(bake, render).unwrap_or_default();
-        assert_eq!(looks([10.0, 10.0], [98.0, endless]), "≤ 1", "a render takes more");
-        assert_eq!(looks([0.0, 1.4], [0.5, 0.5]), "≤ 3", "the first point is good enough");
-        assert_eq!(looks([70.0, endless], [20.0, 20.0]), "> 3");
-        assert_eq!(looks([70.0, endless], [20.0, endless]), "");
-        assert_eq!(looks([7.0, endless], [20.0, 20.0]), "", "more than none says nothing");
+    }
+
+    #[test]
+    fn ways_are_explained_once() {
+        let told = opening(EVEN);
+        assert!(told.contains("with 256 samples") && told.contains("16 of them are rendered"), "{told}");
+        assert!(opening(MIRRORS).contains("(#error-against-time)"));
     }
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use clerestory_relight::{Radiance, RelightError};
 use clerestory_transport::arriving::{self, ArrivingPoints};
 use clerestory_transport::camera::Film;
-use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, Lacking, PreparedLamps};
 use clerestory_transport::light::LightSetting;
 use clerestory_transport::patches::Patches;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
@@ -68,8 +68,8 @@ struct Lit {
     most_arriving: u32,
     /// What it brings to the columns of patches.
     of_patches: Option<Arc<Vec<[f32; 3]>>>,
-    /// Share of its light that panes and coats mirror, where that is more than a little; found with what it brings to patches.
-    mirrored: Option<f32>,
+    /// What of its light is missing, where that is more than a little; found with what it brings to patches.
+    lacking: Option<Lacking>,
 }
 
 impl Lit {
@@ -185,7 +185,7 @@ impl Bench {
                         n_arriving,
                         most_arriving,
                         of_patches: None,
-                        mirrored: None,
+                        lacking: None,
                     };
                     self.lamps.push(lit);
                 }
@@ -229,16 +229,16 @@ impl Bench {
         let (sample, round) = self.sample_of(self.lamps[idx].n_passes);
         self.look(sample, view, stop)?;
         let lamp = self.lamps[idx].prepared.clone();
-        let lacking = view.patches.as_ref().filter(|_| self.lamps[idx].of_patches.is_none());
+        let unlit = view.patches.as_ref().filter(|_| self.lamps[idx].of_patches.is_none());
         // The processor need not wait for a device.
         let (pass, further) = rayon::join(
             || self.direct(&lamp, (sample, round), view, stop),
-            || lacking.map(|patches| (lamp.light_on_patches(&view.scene, patches), lamp.mirrored(&view.scene))),
+            || unlit.map(|patches| (lamp.light_on_patches(&view.scene, patches), lamp.lacking(&view.scene))),
         );
         let lit = &mut self.lamps[idx];
-        if let Some((of_patches, mirrored)) = further {
+        if let Some((of_patches, lacking)) = further {
             lit.of_patches = Some(Arc::new(of_patches));
-            lit.mirrored = mirrored.first().map(|(_, share)| *share);
+            lit.lacking = lacking.first().map(|(_, lacking)| *lacking);
         }
         add_pass(&mut lit.sum, pass?);
         lit.n_passes += 1;
@@ -343,7 +343,7 @@ impl Bench {
             serial: self.serial,
             is_done,
             problems: self.problems.clone(),
-            mirrored: self.lamps.iter().filter_map(|lit| Some((lit.lamp.key.clone(), lit.mirrored?))).collect(),
+            lacking: self.lamps.iter().filter_map(|lit| Some((lit.lamp.key.clone(), lit.lacking?))).collect(),
         })
     }
 

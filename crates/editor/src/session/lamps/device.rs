@@ -355,19 +355,24 @@ mod tests {
         }
     }
 
-    /// A room without its wall behind the viewer, who sees it through a pane of solid glass from wall to wall and a smaller one.
+    /// A room without its wall behind the viewer, who sees it through a pane of solid glass from wall to wall with a bar in it, and a
+    /// smaller one where nothing lies in the glass.
     fn glazed() -> LampView {
         let wide = (Vec3::Z * -0.1, Vec3::new(1.2, 1.2, 0.03));
-        glazed_with([wide, (Vec3::new(-0.3, 0.1, 0.1), Vec3::new(0.6, 0.7, 0.04))], Quat::IDENTITY)
+        let small = (Vec3::new(-0.3, 0.1, 0.1), Vec3::new(0.6, 0.7, 0.04));
+        let mut scene = glazed_with([wide, small], Quat::IDENTITY);
+        let bar = (Vec3::new(0.15, -0.1, -0.1), Vec3::new(0.01, 0.3, 0.01));
+        add_box(&mut scene, bar, Quat::IDENTITY, Material { metallic: 0.0, ..Material::default() });
+        view_of(scene)
     }
 
     /// The same behind two panes beside each other.
     fn glazed_aslant(turn: Quat) -> LampView {
-        glazed_with([-0.7, 0.7].map(|x| (Vec3::X * x, Vec3::new(0.7, 1.2, 0.03))), turn)
+        view_of(glazed_with([-0.7, 0.7].map(|x| (Vec3::X * x, Vec3::new(0.7, 1.2, 0.03))), turn))
     }
 
-    /// The same with panes as given by middle and half of their size, and then turned about the origin.
-    fn glazed_with([one, other]: [(Vec3, Vec3); 2], turn: Quat) -> LampView {
+    /// Such a room with panes as given by middle and half of their size, and then turned about the origin.
+    fn glazed_with([one, other]: [(Vec3, Vec3); 2], turn: Quat) -> Scene {
         let room = include_str!("../../../tests/room.gltf").replace(r#""count": 36"#, r#""count": 30"#);
         let mut scene = import::load_bytes("room.gltf", room.as_bytes()).unwrap().scene;
         let glass = Material {
@@ -382,7 +387,7 @@ mod tests {
             Material { attenuation_distance: 0.1, attenuation_color: Vec3::new(0.9, 0.6, 0.7), ..glass.clone() };
         add_box(&mut scene, one, turn, glass);
         add_box(&mut scene, other, turn, tinted);
-        view_of(scene)
+        scene
     }
 
     #[test]

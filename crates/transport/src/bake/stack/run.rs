@@ -32,7 +32,7 @@ impl StackJob {
             method: self.method,
             max_rank: most_rank(self.block),
             seed: self.seed,
-            bright: BRIGHT,
+            strong: BRIGHT,
             ..CompressConfig::default()
         }
     }

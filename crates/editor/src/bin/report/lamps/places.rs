@@ -26,15 +26,16 @@ pub struct Pictures<'a> {
     pub own_references: [&'a [f32]; 2],
 }
 
-/// What was measured at a place.
+/// What was measured at a place whose light does not drown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
+    /// The number that it was drawn by, from 0 on.
+    pub number: u32,
     /// Height above the nearest surface, m.
     pub height_m: f32,
-    /// Relative L2 of the indirect light, of all pixels and without the worst; `None` where the light drowns in the noise of
-    /// its references.
-    pub l2: Option<[f64; 2]>,
-    /// Relative L2 of what is left of that noise.
+    /// Relative L2 of the indirect light, of all pixels and without the worst.
+    pub l2: [f64; 2],
+    /// Relative L2 of the noise of the mean of its references.
     pub noise: f64,
     /// Share of the indirect light that is found.
     pub energy: f64,
@@ -49,6 +50,22 @@ pub struct Place {
 /// Pixels that count as the worst.
 pub fn n_worst(n_pixels: usize) -> usize {
     ((n_pixels as f64 * WORST) as usize).max(1)
+}
+
+/// Squares, summed over a picture, of the noise of the mean of two references of a lamp's indirect light, and of that light.
+fn noise_and_light(references: [&[f32]; 2], direct: [&[f32]; 2]) -> [f64; 2] {
+    let of_value = |at: usize| {
+        let [a, b] = [0, 1].map(|half| f64::from(references[half][at]) - f64::from(direct[half][at]));
+        [0.25 * (a - b).powi(2), a * b]
+    };
+    (0..references[0].len()).map(of_value).fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d])
+}
+
+/// Whether a lamp's indirect light drowns in the noise of its references.
+pub fn drowns(references: [&[f32]; 2], direct: [&[f32]; 2]) -> bool {
+    let [noise, light] = noise_and_light(references, direct);
+    let is_seen = light > 0.0 && noise <= MOST_NOISE * MOST_NOISE * light;
+    !is_seen
 }
 
 impl Pictures<'_> {
@@ -81,26 +98,26 @@ impl Pictures<'_> {
     }
 
     /// Measures a place.
-    pub fn place(&self, height_m: f32) -> Place {
+    pub fn place(&self, number: u32, height_m: f32) -> Place {
         let squares = self.squares();
         let (worst, rest) = squares.split_at(n_worst(squares.len()));
         let sum = |squares: &[[f64; 2]], which: usize| squares.iter().map(|square| square[which]).sum::<f64>();
         let (of_worst, of_rest) = (sum(worst, 0), sum(rest, 0));
-        let (off, light) = (of_worst + of_rest, sum(&squares, 1));
-        let [mut noise, mut found, mut there] = [0.0; 3];
+        let off = of_worst + of_rest;
+        let [noise, light] = noise_and_light(self.references, self.direct);
+        let [mut found, mut there] = [0.0; 2];
         for at in 0..self.of_patches.len() {
             let [a, b] = [0, 1].map(|half| f64::from(self.references[half][at]) - self.direct(half, at));
             let shown = [0, 1].map(|half| self.live(half, at) - self.direct(half, at));
-            noise += 0.25 * (a - b).powi(2);
             found += f64::from(self.of_patches[at]) + 0.5 * (shown[0] + shown[1]);
             there += 0.5 * (a + b);
         }
-        let is_seen = light > 0.0 && noise <= MOST_NOISE * MOST_NOISE * light;
         let l2 = |off: f64, light: f64| (off.max(0.0) / light).sqrt();
         Place {
+            number,
             height_m,
-            l2: is_seen.then(|| [l2(off, light), l2(of_rest, sum(rest, 1))]),
-            noise: l2(noise, light.max(0.0)),
+            l2: [l2(off, light), l2(of_rest, sum(rest, 1))],
+            noise: l2(noise, light),
             energy: found / there,
             in_worst: (off > 0.0).then(|| of_worst / off),
             psnr_db: self.psnr_db(),
@@ -184,14 +201,14 @@ mod tests {
             own: &dark,
             own_references: [&dark, &dark],
         };
-        let place = pictures.place(0.5);
+        let place = pictures.place(3, 0.5);
         // Of the third and the fourth pixel: −0.25 · 0.25 in both halves, which is less than nothing.
-        assert_eq!(place.l2, Some([0.0; 2]), "{place:?}");
-        assert_eq!((place.energy, place.in_worst, place.height_m), (1.0, None, 0.5));
+        assert_eq!(place.l2, [0.0; 2], "{place:?}");
+        assert_eq!((place.energy, place.in_worst, place.number, place.height_m), (1.0, None, 3, 0.5));
         assert!((place.noise - (0.25f64 * 2.0 * 0.25 * 0.25 / 4.0).sqrt()).abs() < 1e-9, "{place:?}");
         // Patches that are dark lack all of it, wherever noise is.
-        let place = Pictures { of_patches: &dark, live: [&dark, &dark], ..pictures }.place(0.5);
-        assert!((place.l2.unwrap()[0] - 1.0).abs() < 1e-9, "{place:?}");
+        let place = Pictures { of_patches: &dark, live: [&dark, &dark], ..pictures }.place(3, 0.5);
+        assert!((place.l2[0] - 1.0).abs() < 1e-9, "{place:?}");
         assert_eq!(place.energy, 0.0);
     }
 
@@ -209,10 +226,10 @@ mod tests {
             own: &dark,
             own_references: [&dark, &dark],
         }
-        .place(1.0);
+        .place(0, 1.0);
         assert_eq!(n_worst(400), 2);
         let (worst, rest) = (164.0, 398.0 * 0.01);
-        let [l2, without] = place.l2.unwrap();
+        let [l2, without] = place.l2;
         assert!((l2 - ((worst + rest) / 400.0f64).sqrt()).abs() < 1e-6, "{l2}");
         assert!((without - 0.1).abs() < 1e-6, "{without}");
         assert!((place.in_worst.unwrap() - worst / (worst + rest)).abs() < 1e-6, "{place:?}");
@@ -222,17 +239,12 @@ mod tests {
     }
 
     #[test]
-    fn light_that_drowns_in_noise_has_no_error() {
-        let (dark, scattered) = (gray(&[0.0; 2]), [gray(&[3.0, -1.0]), gray(&[-1.0, 3.0])]);
-        let place = Pictures {
-            of_patches: &dark,
-            live: [&dark, &dark],
-            direct: [&dark, &dark],
-            references: [&scattered[0], &scattered[1]],
-            own: &dark,
-            own_references: [&dark, &dark],
-        }
-        .place(1.0);
-        assert_eq!(place.l2, None);
+    fn light_drowns_where_two_references_of_it_agree_too_little() {
+        let (dark, light) = (gray(&[0.0; 2]), gray(&[1.0; 2]));
+        let drown = |a: [f32; 2], b: [f32; 2]| drowns([&gray(&a), &gray(&b)], [&dark, &dark]);
+        assert!(!drown([1.5, 0.75], [0.75, 1.5]));
+        assert!(drown([1.75, 0.5], [0.5, 1.75]));
+        assert!(drown([3.0, -1.0], [-1.0, 3.0]), "they agree less than not at all");
+        assert!(drowns([&light, &light], [&light, &light]), "all of it is direct");
     }
 }

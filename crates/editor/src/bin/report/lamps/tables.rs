@@ -3,6 +3,7 @@
 use clerestory_transport::patches::{DEFAULT_PATCHES, Patches};
 use serde::{Deserialize, Serialize};
 
+use super::drawn::MOST_REDRAWN;
 use super::places::Place;
 use super::spent::Spent;
 use super::{BAKE_SPP, LUMEN, TRACED_SPP, WIDTHS};
@@ -23,7 +24,7 @@ pub struct Told {
 /// What goals are set for, with the usual number of patches.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub struct Goals {
-    /// Relative L2 and PSNR in dB of the places whose light does not drown.
+    /// Relative L2 and PSNR in dB of the places.
     l2: Vec<f64>,
     psnr_db: Vec<f64>,
     /// Of the lamps of the file that were exchanged for free ones.
@@ -36,14 +37,11 @@ pub struct Bytes {
     pub of_patches: u64,
 }
 
-/// Both L2 of a place whose light does not drown, and the place.
-type Seen<'a> = ([f64; 2], &'a Place);
-
-fn percent(share: f64) -> String {
+pub fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-fn decibels(db: f64) -> String {
+pub fn decibels(db: f64) -> String {
     format!("{db:.1} dB")
 }
 
@@ -59,10 +57,9 @@ fn spread(values: &[f64], worst: impl Fn(f64, f64) -> f64, words: impl Fn(f64) -
 
 impl Goals {
     pub fn of(places: &[Place], exchanged_db: Vec<f64>) -> Goals {
-        let seen = || places.iter().filter_map(|place| Some((place.l2?, place.psnr_db)));
         Goals {
-            l2: seen().map(|(l2, _)| l2[0]).collect(),
-            psnr_db: seen().map(|(_, db)| db[0]).collect(),
+            l2: places.iter().map(|place| place.l2[0]).collect(),
+            psnr_db: places.iter().map(|place| place.psnr_db[0]).collect(),
             exchanged_db,
         }
     }
@@ -88,16 +85,15 @@ impl Told {
         self.places += &scene.places;
     }
 
-    /// A row of a bake with some samples per pixel.
+    /// A row of a bake with some samples per pixel, and of places, beside which some were drawn anew.
     pub fn add_row(
         &mut self,
         (name, spp): (&str, u32),
-        places: &[Place],
+        (places, n_redrawn): (&[Place], usize),
         (patches, bytes, spent): (&Patches, Bytes, Spent),
     ) {
-        let seen: Vec<Seen<'_>> = places.iter().filter_map(|place| Some((place.l2?, place))).collect();
-        let of = |what: &dyn Fn(&Seen<'_>) -> f64| seen.iter().map(what).collect::<Vec<f64>>();
-        let energy = of(&|(_, place)| place.energy);
+        let of = |what: &dyn Fn(&Place) -> f64| places.iter().map(what).collect::<Vec<f64>>();
+        let energy = of(&|place| place.energy);
         let [least, most] = [f64::min, f64::max].map(|end: fn(f64, f64) -> f64| energy.iter().copied().reduce(end));
         let energy = least.zip(most).map_or("—".into(), |(least, most)| format!("{least:.3} to {most:.3}"));
         self.rows += &format!(
@@ -106,12 +102,12 @@ impl Told {
             patches.n_columns(),
             percent(patches.held_out_error().into()),
             places.len(),
-            places.len() - seen.len(),
-            spread(&of(&|(l2, _)| l2[0]), f64::max, percent),
-            spread(&of(&|(l2, _)| l2[1]), f64::max, percent),
-            spread(&of(&|(_, place)| place.noise), f64::max, percent),
-            spread(&of(&|(_, place)| place.psnr_db[0]), f64::min, decibels),
-            spread(&of(&|(_, place)| place.psnr_db[1]), f64::min, decibels),
+            n_redrawn,
+            spread(&of(&|place| place.l2[0]), f64::max, percent),
+            spread(&of(&|place| place.l2[1]), f64::max, percent),
+            spread(&of(&|place| place.noise), f64::max, percent),
+            spread(&of(&|place| place.psnr_db[0]), f64::min, decibels),
+            spread(&of(&|place| place.psnr_db[1]), f64::min, decibels),
             mib(bytes.without),
             mib(bytes.of_patches),
             spent.lights,
@@ -121,14 +117,16 @@ impl Told {
     }
 
     pub fn add_places(&mut self, name: &str, places: &[Place]) {
-        for (nth, place) in places.iter().enumerate() {
-            let seen = place.l2.map_or("drowned | | | | ".into(), |[l2, _]| {
-                let in_worst = place.in_worst.map_or("—".into(), |share| format!("{:.0} %", 100.0 * share));
-                let [whole, alone] = [place.psnr_db[0], place.lamp_psnr_db].map(decibels);
-                format!("{} | {:.3} | {in_worst} | {whole} | {alone}", percent(l2), place.energy)
-            });
-            let noise = if place.noise.is_finite() { percent(place.noise) } else { "no light".into() };
-            self.places += &format!("| {name} | {} | {:.2} m | {noise} | {seen} |\n", nth + 1, place.height_m);
+        for place in places {
+            let in_worst = place.in_worst.map_or("—".into(), |share| format!("{:.0} %", 100.0 * share));
+            let [whole, alone] = [place.psnr_db[0], place.lamp_psnr_db].map(decibels);
+            let [noise, l2] = [place.noise, place.l2[0]].map(percent);
+            self.places += &format!(
+                "| {name} | {} | {:.2} m | {noise} | {l2} | {:.3} | {in_worst} | {whole} | {alone} |\n",
+                place.number + 1,
+                place.height_m,
+                place.energy,
+            );
         }
     }
 
@@ -144,19 +142,19 @@ impl Told {
             irradiance. Two independent ones are held against two independent traced pictures of {} samples per pixel; the live light has as many. \
             L2 is the root of the summed products of both differences, over that of the indirect light: noise of live and of traced light is no error, \
             noise of the bake is. *Without worst* leaves out the {:.1} % of the pixels with the greatest errors, which are chosen by what is measured, \
-            noise included. *Noise* is that of the mean of both traced pictures without direct light. Places where it is more than half \
-            of the indirect light are drowned, and left out of all that follows. Medians, and the worst in brackets. Energy is the sum of the indirect light over that of the \
+            noise included. *Noise* is that of the mean of both traced pictures without direct light. A place where it is more than half \
+            of the indirect light tells nothing, and the next number draws another one instead, {MOST_REDRAWN} times a scene at most: *redrawn* counts them. Medians, and the worst in brackets. Energy is the sum of the indirect light over that of the \
             reference. PSNR is that of the whole picture, its peak the 99.5 percentile. *Held out* is by how much columns differ from patches \
             under lamps that they were not learned from. CPU seconds of all threads: of all that is no patch (patches change nothing of it), of learning patches, of the walks of their columns. {}\n\n\
-            | scene | patches | samples | columns | held out | places | drowned | L2 | without worst | noise | energy, least to most | PSNR | of the noise | file without \
+            | scene | patches | samples | columns | held out | places | redrawn | L2 | without worst | noise | energy, least to most | PSNR | of the noise | file without \
             | of patches | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n{}\n\
             ### Place by place, {DEFAULT_PATCHES} patches\n\n\
             *In the worst* is the share of the squared error that stands in these {:.1} % of the pixels; a share of more than all says that the others \
             have less than no error beside noise. *Alone* is the PSNR of the lamp's light without that of the file, direct and indirect. \
-            *No light*: the traced pictures have no indirect light that their noise does not account for.\n\n\
+            Places keep the numbers that they were drawn by.\n\n\
             | scene | place | height above the nearest surface | noise | L2 | energy | in the worst | PSNR | alone |\n|---|---|---|---|---|---|---|---|---|\n{}\n\
             ### Goals, {DEFAULT_PATCHES} patches\n\n\
-            Kept where the median keeps it; behind it how many of all do. *Exchanged* are point, spot and directional lamps of the file whose place free ones of the same light take (*Make movable*), one at a time: \
+            *Kept* where all keep it, else how many do; and the median. *Exchanged* are point, spot and directional lamps of the file whose place free ones of the same light take (*Make movable*), one at a time: \
             the picture of the file against the same with its baked column, whose noise counts. *Bake of patches* is learning and walks over all else in CPU seconds, of a bake {wide} pixels wide \
             with {wide_spp} samples per pixel. Why L2 is missed, and what was tried: [decision 0050](decisions/0050-light-of-moved-lamps-lacks-a-little-of-everything.md) and [decision 0047](decisions/0047-the-first-bounce-stays-with-patches.md); \
             why few lamps are baked sooner than patches: [decision 0009](decisions/0009-patches-are-seen-through-learned-columns.md).\n\n\
@@ -176,25 +174,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_that_drown_count_for_nothing_but_their_number() {
+    fn places_are_told_by_the_numbers_that_they_were_drawn_by() {
         let place = Place {
+            number: 0,
             height_m: 0.5,
-            l2: Some([0.04, 0.03]),
+            l2: [0.04, 0.03],
             noise: 0.1,
             energy: 1.0,
             in_worst: Some(0.5),
             psnr_db: [40.0, 50.0],
             lamp_psnr_db: 32.5,
         };
-        let drowned = Place { l2: None, noise: 9.0, psnr_db: [-7.0, -3.0], ..place };
-        let dark = Place { noise: f64::INFINITY, ..drowned };
-        let goals = Goals::of(&[place, drowned], Vec::new());
-        assert_eq!((goals.l2, goals.psnr_db), (vec![0.04], vec![40.0]));
+        let third = Place { number: 2, l2: [0.06, 0.05], in_worst: None, psnr_db: [34.0, 50.0], ..place };
         let mut told = Told::default();
-        told.add_places("room", &[place, drowned, dark]);
+        told.add_places("room", &[place, third]);
         let rows = "| room | 1 | 0.50 m | 10.0 % | 4.0 % | 1.000 | 50 % | 40.0 dB | 32.5 dB |\n\
-            | room | 2 | 0.50 m | 900.0 % | drowned | | | |  |\n\
-            | room | 3 | 0.50 m | no light | drowned | | | |  |\n";
+            | room | 3 | 0.50 m | 10.0 % | 6.0 % | 1.000 | — | 34.0 dB | 32.5 dB |\n";
         assert_eq!(told.places, rows);
+        let row = Goals::of(&[place, third], vec![44.0]).row("room", Spent { learning: 1.0, walks: 2.0, lights: 6.0 });
+        let goals = "| room | missed: kept by 1 of 2, median 5.0 % | missed: kept by 1 of 2, median 37.0 dB | \
+            kept by all 1, median 44.0 dB | kept: 0.50× | 6.0 s | 1.0 s | 2.0 s |\n";
+        assert_eq!(row, goals);
     }
 }

@@ -67,7 +67,7 @@ impl Components {
         let columns = vec![ColumnRun::Grid { width: side, height: side }];
         let preserved = vec![1.0; picture.n_cols];
         let packed =
-            PackedMatrix::pack(&matrix, &PackPlan { columns, allowed: allowed as f32, bright: BRIGHT, preserved });
+            PackedMatrix::pack(&matrix, &PackPlan { columns, allowed: allowed as f32, strong: BRIGHT, preserved });
         let mut bytes = Vec::new();
         packed.encode(&mut bytes);
         Ok((bytes.len(), packed.unpack()?))

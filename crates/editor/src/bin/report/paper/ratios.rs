@@ -56,10 +56,11 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         side /= 2;
     }
     found.reverse();
-    let exact: Vec<[f64; 2]> = desk.part("paper", "ranks-exact", || exact_ranks(desk, finest))?;
+    let exact: Vec<[f64; 3]> = desk.part("paper", "ranks-exact", || exact_ranks(desk, finest))?;
     let (mut panels, mut rows, mut ranks) = (Vec::new(), String::new(), String::new());
-    for (Resolution { side, curves, ranks: [least, ours] }, [least_exact, ours_exact]) in found.iter().zip(&exact) {
-        ranks += &format!("| {side} × {side} | {least_exact:.1} | {ours_exact:.1} | {least:.1} | {ours:.1} |\n");
+    for (Resolution { side, curves, ranks: [least, ours] }, exact) in found.iter().zip(&exact) {
+        let exact = exact.map(|rank| format!("{rank:.1}")).join(" | ");
+        ranks += &format!("| {side} × {side} | {exact} | {least:.1} | {ours:.1} |\n");
         for (name, curve) in NAMES.iter().zip(curves).filter(|(_, curve)| !curve.is_empty()) {
             let words: Vec<String> = curve.iter().map(|(ratio, db)| format!("{ratio:.0}× {}", told(db))).collect();
             rows += &format!("| {side} × {side} | {name} | {} |\n", words.join(" | "));
@@ -76,9 +77,9 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
          | texels | method |{}\n|---|---|{}\n{rows}\n\
          ### Rank against texels\n\n\
          Mean rank of blocks of 16 × 16 pixels for {RANK_DB} dB of single texels, the least there is and that of ours. First of a matrix without noise: the floor, wall\n\
-         and balls of the section Targets. Then of `diffuse` as sampled: the least for the mean of both halves, whose noise counts as something to be kept, and\n\
+         and balls of the section Targets, and the least without the balls, which throw all of its shadows. Then of `diffuse` as sampled: the least for the mean of both halves, whose noise counts as something to be kept, and\n\
          ours, which is told both halves and keeps what they agree about.\n\n\
-         | texels | without noise: least | ours | `diffuse`: least | ours |\n|---|---|---|---|---|\n{ranks}\n{}\n",
+         | texels | without noise: least | ours | without shadows: least | `diffuse`: least | ours |\n|---|---|---|---|---|---|\n{ranks}\n{}{}\n",
         film.width,
         film.height,
         2 * spp,
@@ -88,6 +89,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         " |".repeat(TOLERANCES_DB.len()),
         "---|".repeat(TOLERANCES_DB.len()),
         is_it_constant(&found, &exact),
+        why(&exact),
     ))
 }
 
@@ -107,7 +109,7 @@ fn panel(side: usize, curves: &[Curve; NAMES.len()]) -> Panel {
 }
 
 /// The paper's question about the rank, answered by the coarsest panel and the finest.
-fn is_it_constant(found: &[Resolution], exact: &[[f64; 2]]) -> String {
+fn is_it_constant(found: &[Resolution], exact: &[[f64; 3]]) -> String {
     let ends = found.first().zip(found.last()).zip(exact.first().zip(exact.last()));
     let Some(((coarse, fine), (coarse_exact, fine_exact))) = ends else { return String::new() };
     let growth = |of_coarse: f64, of_fine: f64| of_fine / of_coarse;
@@ -123,6 +125,27 @@ fn is_it_constant(found: &[Resolution], exact: &[[f64; 2]]) -> String {
         growth_words(exact[1]),
         growth_words(sampled[0]),
         growth_words(sampled[1]),
+    )
+}
+
+/// What the ranks without noise tell of why they grow.
+fn why(exact: &[[f64; 3]]) -> String {
+    let Some((coarse, fine)) = exact.first().zip(exact.last()) else { return String::new() };
+    let [shadowed, _, unshadowed]: [f64; 3] = std::array::from_fn(|which| fine[which] / coarse[which]);
+    let steps: Vec<String> = exact.windows(2).map(|pair| format!("{:.2}", pair[1][0] / pair[0][0])).collect();
+    let reason = match (shadowed > CONSTANT, unshadowed <= CONSTANT) {
+        (true, true) => {
+            ": what takes more components on finer panels is their shadows. A coarser texel is the sum of finer ones, so that \
+             its shadow is softer, while the error that is asked for is that of each texel by itself, below the brightest of \
+             them: edges of shadows count on a fine panel that are summed away on a coarse one."
+        }
+        (true, false) => ": shadows are not all that takes more components on finer panels.",
+        (false, _) => ".",
+    };
+    format!(
+        " From each number of texels to the next the least rank without noise grows {} times. Without shadows it {}{reason}",
+        steps.join(", "),
+        growth_words(unshadowed),
     )
 }
 
@@ -185,21 +208,24 @@ fn all_curves(desk: &Desk, picture: Picture) -> Result<[Curve; NAMES.len()]> {
     Ok(curves)
 }
 
-/// Mean ranks of a matrix without noise, the least and ours, of panels from 8 × 8 texels to `finest`.
-fn exact_ranks(desk: &Desk, finest: usize) -> Result<Vec<[f64; 2]>> {
+/// Mean ranks of a matrix without noise, the least, ours, and the least without shadows, of panels from 8 × 8 texels to `finest`.
+fn exact_ranks(desk: &Desk, finest: usize) -> Result<Vec<[f64; 3]>> {
     let Film { width, height } = sampling(desk, 1).film;
+    let (width, height) = (width as usize, height as usize);
     let mut found = Vec::new();
-    let mut picture = soft::picture(width as usize, height as usize, finest);
+    let mut pictures = [soft::picture(width, height, finest), soft::unshadowed(width, height, finest)];
     loop {
-        let side = picture.n_cols.isqrt();
+        let side = pictures[0].n_cols.isqrt();
         desk.say(&format!("ranks of {side} × {side} texels without noise"));
-        let next = (side > 8).then(|| picture.coarser());
-        let subject = Subject::new(picture, None);
-        let ours = subject.coded(Method::Projected, RANK_DB)?;
-        // Both at the error that ours has reached.
-        found.push([subject.spectrum.least_mean_rank(ours.judged.mean_square()), ours.mean_rank]);
+        let next = (side > 8).then(|| pictures.each_ref().map(Picture::coarser));
+        let [shadowed, unshadowed] = pictures.map(|picture| Subject::new(picture, None));
+        let ours = shadowed.coded(Method::Projected, RANK_DB)?;
+        // All at the error that ours has reached.
+        let [least, without] =
+            [shadowed, unshadowed].map(|subject| subject.spectrum.least_mean_rank(ours.judged.mean_square()));
+        found.push([least, ours.mean_rank, without]);
         match next {
-            Some(next) => picture = next,
+            Some(next) => pictures = next,
             None => break,
         }
     }
@@ -215,7 +241,7 @@ mod tests {
     fn a_rank_is_constant_only_if_it_hardly_changes() {
         let resolution = |side, ranks| Resolution { side, curves: [const { Curve::new() }; NAMES.len()], ranks };
         let found = [resolution(8, [50.0, 6.0]), resolution(16, [200.0, 7.0]), resolution(64, [500.0, 3.0])];
-        let words = is_it_constant(&found, &[[10.0, 12.0], [11.0, 20.0], [12.0, 36.0]]);
+        let words = is_it_constant(&found, &[[10.0, 12.0, 4.0], [11.0, 20.0, 4.0], [12.0, 36.0, 4.0]]);
         assert!(words.contains("From 8 × 8 to 64 × 64 texels, 64 times as many"), "{words}");
         assert!(words.contains(
             "the least rank without noise is constant (1.20 times), ours is not constant, it grows 3.0 times;"
@@ -224,5 +250,20 @@ mod tests {
             "which holds the noise, is not constant, it grows 10.0 times, and ours is not constant, it shrinks to 0.50"
         ));
         assert_eq!(is_it_constant(&[], &[]), "");
+    }
+
+    #[test]
+    fn shadows_are_the_reason_only_if_the_rank_is_constant_without_them() {
+        let words = |ends: [[f64; 2]; 2]| why(&ends.map(|[least, without]| [least, 0.0, without]));
+        let shadows = words([[10.0, 4.0], [28.0, 4.4]]);
+        assert!(
+            shadows.contains("grows 2.80 times. Without shadows it is constant (1.10 times): what takes"),
+            "{shadows}"
+        );
+        let more = words([[10.0, 4.0], [28.0, 8.0]]);
+        assert!(more.contains("it is not constant, it grows 2.0 times: shadows are not all"), "{more}");
+        let constant = words([[10.0, 4.0], [11.0, 4.0]]);
+        assert!(constant.ends_with("Without shadows it is constant (1.00 times)."), "{constant}");
+        assert_eq!(why(&[]), "");
     }
 }

@@ -6,8 +6,8 @@ use std::time::Instant;
 use anyhow::{Result, ensure};
 use clerestory_nystrom::rivals::{Method, unrounded};
 use clerestory_nystrom::{
-    BlockFactors, BlockLowRank, BlockSamples, ColumnGroup, ColumnRun, CompressConfig, PackPlan, PackedMatrix,
-    Partition, Selection, Smoothing, Tolerance, compress_block,
+    BlockFactors, BlockLowRank, BlockSamples, ColumnGroup, ColumnRun, CompressConfig, NoisyColumns, PackPlan,
+    PackedMatrix, Partition, Selection, Smoothing, Tolerance, compress_block,
 };
 
 use super::judged::{Judged, Spectrum};
@@ -15,9 +15,9 @@ use super::shared_right::SharedRight;
 use crate::methods::dense::{CHANNELS, Picture, TILE};
 
 /// As bakes have it: darker blocks are held to less.
-const BRIGHT: f32 = 0.25;
+pub const BRIGHT: f32 = 0.25;
 /// What a bake of pictures leaves to the ranks; packing takes the rest of its tolerance.
-const SHARE_OF_RANKS: f32 = 0.5;
+pub const SHARE_OF_RANKS: f32 = 0.5;
 
 /// A matrix whose brightest light is 1, and what is known of it.
 pub struct Subject {
@@ -55,16 +55,30 @@ pub struct Coding {
     pub halves: bool,
     /// Whether noise is taken out of what is smooth.
     pub smooths: bool,
+    /// What becomes of columns that are noisier than others.
+    pub noisy_columns: NoisyColumns,
     /// How factors are kept.
     pub storage: Storage,
     /// Whether packing knows that columns are texels of a square, else it transforms none of them.
     pub grid: bool,
+    /// Of what is chosen by chance.
+    pub seed: u64,
 }
 
 impl Default for Coding {
     fn default() -> Self {
-        let (method, selection) = (Method::Projected, Selection::default());
-        Coding { method, selection, tile: TILE, halves: true, smooths: true, storage: Storage::Packed, grid: true }
+        let (method, selection, seed) = (Method::Projected, Selection::default(), CompressConfig::default().seed);
+        Coding {
+            method,
+            selection,
+            tile: TILE,
+            halves: true,
+            smooths: true,
+            noisy_columns: NoisyColumns::default(),
+            storage: Storage::Packed,
+            grid: true,
+            seed,
+        }
     }
 }
 
@@ -124,16 +138,18 @@ impl Subject {
             groups: vec![group],
             method: coding.method,
             selection: coding.selection,
+            seed: coding.seed,
             max_rank: (CHANNELS * coding.tile * coding.tile) as u32,
-            bright: BRIGHT,
+            strong: BRIGHT,
             smoothing: smoothing.map(Arc::new),
+            noisy_columns: coding.noisy_columns,
             ..CompressConfig::default()
         };
         let begun = Instant::now();
         let matrix = self.compressed(&config, &partition, coding)?;
         let compressing = begun.elapsed().as_secs_f64();
         let columns = if coding.grid { grid } else { vec![ColumnRun::List(n_cols as u32)] };
-        let plan = PackPlan { columns, allowed, bright: BRIGHT, preserved: vec![1.0; n_cols] };
+        let plan = PackPlan { columns, allowed, strong: BRIGHT, preserved: vec![1.0; n_cols] };
         let begun = Instant::now();
         let packed = single_threaded(|| PackedMatrix::pack(&matrix, &plan))?;
         let mut packing = begun.elapsed().as_secs_f64();

@@ -2,22 +2,21 @@
 
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clerestory_nystrom::{
-    BlockSamples, ColumnGroup, ColumnRun, CompressConfig, Half, Partition, SampledMatrix, Smoothing, Tolerance,
-    compress_block,
+    BlockSamples, ColumnGroup, CompressConfig, Half, Partition, SampledMatrix, Smoothing, Tolerance, compress_block,
 };
 use clerestory_transport::camera::Film;
-use clerestory_transport::import;
-use clerestory_transport::matrix::{CHANNELS, TransportMatrix};
-use clerestory_transport::plan::{Density, MatrixPlan};
-use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::matrix::CHANNELS;
 
 use super::coded::single_threaded;
+use super::traced::{grid, with_matrix};
 use crate::desk::Desk;
 use crate::matrix::process_cpu_secs;
 
 const FILM: Film = Film { width: 512, height: 384 };
+/// Texels along a side of the panel.
+const SIDE: u32 = 16;
 /// Of the walks.
 const SEED: u64 = 1;
 /// Every so manyth block is measured.
@@ -47,46 +46,35 @@ pub fn write(desk: &Desk) -> Result<(String, f64)> {
 
 /// Milliseconds per block: tracing, compressing.
 fn measured(desk: &Desk, name: &str, spp: u32) -> Result<[f64; 2]> {
-    let path = desk.root.join(format!("assets/scenes/{name}.glb"));
-    let imported = import::load(&path).with_context(|| format!("cannot load the scene {}", path.display()))?;
-    let scene = PreparedScene::new(imported.scene, &[])?.0;
-    let new_plan = || MatrixPlan::new(&scene.lighting, Density::Full);
-    let pilots = new_plan();
-    let new = |plan| TransportMatrix::new(&scene, plan, scene.scene.cameras[0].clone(), FILM, None, SEED);
-    let (column_scale, sky_reach) = new(&pilots).measure_columns();
-    let plan = new_plan().fitted(&column_scale, &sky_reach, scene.skips);
-    let mut matrix = new(&plan);
-    matrix.set_column_scale(column_scale);
-    let n_cols = matrix.n_cols();
-    let side = n_cols.isqrt() as u32;
-    let partition = Partition { width: FILM.width, height: FILM.height, tile: 16 };
-    let runs = vec![ColumnRun::Grid { width: side, height: side }];
-    anyhow::ensure!(runs[0].n_cols() as usize == n_cols, "{name} has other columns than those of a square panel");
-    let group = ColumnGroup {
-        columns: 0..n_cols,
-        tolerance: Tolerance::AbsoluteMeanSquare(1e-4),
-        preserved: vec![1.0; n_cols],
-        share: 1.0,
-    };
-    let smoothing = Some(Arc::new(Smoothing::new(partition.clone(), CHANNELS, vec![runs])));
-    let config = CompressConfig { groups: vec![group], bright: 0.25, smoothing, ..CompressConfig::default() };
+    with_matrix(desk, (name, SIDE), (FILM, SEED), |matrix| {
+        let n_cols = matrix.n_cols();
+        let partition = Partition { width: FILM.width, height: FILM.height, tile: 16 };
+        let group = ColumnGroup {
+            columns: 0..n_cols,
+            tolerance: Tolerance::AbsoluteMeanSquare(1e-4),
+            preserved: vec![1.0; n_cols],
+            share: 1.0,
+        };
+        let smoothing = Some(Arc::new(Smoothing::new(partition.clone(), CHANNELS, vec![vec![grid(n_cols)]])));
+        let config = CompressConfig { groups: vec![group], strong: 0.25, smoothing, ..CompressConfig::default() };
 
-    let (mut secs, mut pixels) = ([0.0; 2], Vec::new());
-    let blocks: Vec<usize> = (STEP / 2..partition.n_blocks()).step_by(STEP).collect();
-    for &block_idx in &blocks {
-        partition.bundles(block_idx, &mut pixels);
-        let begun = process_cpu_secs()?;
-        let halves = [Half::A, Half::B].map(|half| {
-            let mut rows = vec![0.0; pixels.len() * CHANNELS * n_cols];
-            matrix.add_rows(&pixels, 0..spp, half, &mut rows, &mut Vec::new());
-            rows
-        });
-        let traced = process_cpu_secs()?;
-        let halves = halves.each_ref().map(Vec::as_slice);
-        let samples = BlockSamples { halves, sparse: [&[]; 2], n_cols, bundle_len: CHANNELS, n_samples: [spp; 2] };
-        compress_block(&samples, &config, block_idx as u32)?;
-        secs[0] += traced - begun;
-        secs[1] += process_cpu_secs()? - traced;
-    }
-    Ok(secs.map(|secs| 1e3 * secs / blocks.len() as f64))
+        let (mut secs, mut pixels) = ([0.0; 2], Vec::new());
+        let blocks: Vec<usize> = (STEP / 2..partition.n_blocks()).step_by(STEP).collect();
+        for &block_idx in &blocks {
+            partition.bundles(block_idx, &mut pixels);
+            let begun = process_cpu_secs()?;
+            let halves = [Half::A, Half::B].map(|half| {
+                let mut rows = vec![0.0; pixels.len() * CHANNELS * n_cols];
+                matrix.add_rows(&pixels, 0..spp, half, &mut rows, &mut Vec::new());
+                rows
+            });
+            let traced = process_cpu_secs()?;
+            let halves = halves.each_ref().map(Vec::as_slice);
+            let samples = BlockSamples { halves, sparse: [&[]; 2], n_cols, bundle_len: CHANNELS, n_samples: [spp; 2] };
+            compress_block(&samples, &config, block_idx as u32)?;
+            secs[0] += traced - begun;
+            secs[1] += process_cpu_secs()? - traced;
+        }
+        Ok(secs.map(|secs| 1e3 * secs / blocks.len() as f64))
+    })
 }

@@ -9,7 +9,7 @@ use clerestory_transport::bake::{BakeConfig, BakeJob, Indirect, Passes};
 use clerestory_transport::camera::Film;
 use serde::{Deserialize, Serialize};
 
-use super::runs::{Judge, job};
+use super::runs::{Judge, REFERENCE_SPP, job};
 use super::{SECONDS, Subject, prepared};
 use crate::desk::Desk;
 use crate::fit::{median, spread_words};
@@ -45,7 +45,8 @@ pub fn write(desk: &Desk) -> Result<String> {
     let mut rows = String::new();
     for (name, path) in bench.into_iter().chain([gallery]).take(desk.choose(1, 3)) {
         let Some(path) = path else { continue };
-        let subject = Subject { name, path, sky: None, film, step };
+        let (sky, reference_spp, n_seeds) = (None, REFERENCE_SPP, repeats(desk) as usize);
+        let subject = Subject { name, path, sky, film, step, reference_spp, n_seeds };
         let clocked: Clocked = desk.part(SECONDS, name, || clock(desk, &subject))?;
         rows += &format!(
             "| {name} | {} | {} | {} | {} | {} | {} | {} | {} |\n",

@@ -1,5 +1,5 @@
-//! How much of a lamp's light panes and smooth coats mirror onto other surfaces: no connection finds that, whether it is looked for
-//! at surfaces that are seen or on patches.
+//! How much of a lamp's light meets mirrors and clear bodies, and how much of it panes and smooth coats mirror onto other surfaces: no
+//! connection finds what these throw on, whether it is looked for at surfaces that are seen or on patches.
 
 use super::PreparedLamps;
 use super::light::Form;
@@ -14,15 +14,23 @@ use crate::slabs::hidden::{CLEAR, TOLERATED, parallel_rays, ray};
 /// Surfaces that a ray meets at most.
 const MOST_SURFACES: u32 = 16;
 
+/// About which shares of a lamp's light surfaces throw on in ways that are not carried; 0 where that is no more than a little.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lacking {
+    /// Meets mirrors and clear bodies, see [`Material::casts_caustics`].
+    pub caustic: f32,
+    /// Panes of glass, thin and solid, and smooth coats mirror it onto other surfaces.
+    pub mirrored: f32,
+}
+
 impl PreparedLamps {
-    /// About which share of a lamp's light panes of glass and smooth coats mirror onto other surfaces, by the lamp's key, where that is
-    /// more than a little. Solid panes count, other surfaces that cast caustics do not: see [`PreparedScene::casts_caustics`].
-    pub fn mirrored(&self, scene: &PreparedScene) -> Vec<(String, f32)> {
+    /// What the light of lamps lacks that is moved, by the lamp's key; lamps that lack nothing are left out.
+    pub fn lacking(&self, scene: &PreparedScene) -> Vec<(String, Lacking)> {
         if !scene.scene.materials.iter().any(may_mirror) {
             return Vec::new();
         }
-        let shares = self.lamps().iter().map(|lamp| (lamp.key.clone(), lamp.mirrored(scene)));
-        shares.filter(|(_, share)| *share > TOLERATED).collect()
+        let shares = self.lamps().iter().map(|lamp| (lamp.key.clone(), lamp.lacking(scene)));
+        shares.filter(|(_, lacking)| *lacking != Lacking::default()).collect()
     }
 }
 
@@ -34,16 +42,19 @@ fn may_mirror(material: &Material) -> bool {
 }
 
 impl PreparedLamp {
-    /// Share of its light that panes and coats mirror onto other surfaces.
-    fn mirrored(&self, scene: &PreparedScene) -> f32 {
-        let (mut mirrored, mut all) = (0.0, 0.0);
+    /// What of its light is not carried.
+    fn lacking(&self, scene: &PreparedScene) -> Lacking {
+        let (mut lacking, mut all) = (Lacking::default(), 0.0);
         for (nth, (ray, weight)) in (0..).zip(self.rays(scene)) {
-            let share = mirrored_along(scene, ray, &mut Sampler::new(0, nth, 0));
+            let found = lacking_along(scene, ray, &mut Sampler::new(0, nth, 0));
             // Of light from far away only what meets the scene counts.
-            all += if share.is_none() && self.lamp.is_beyond() { 0.0 } else { weight };
-            mirrored += weight * share.unwrap_or(0.0);
+            all += if found.is_none() && self.lamp.is_beyond() { 0.0 } else { weight };
+            let found = found.unwrap_or_default();
+            lacking.caustic += weight * found.caustic;
+            lacking.mirrored += weight * found.mirrored;
         }
-        if all > 0.0 { mirrored / all } else { 0.0 }
+        let told = |part: f32| if part > TOLERATED * all { part / all } else { 0.0 };
+        Lacking { caustic: told(lacking.caustic), mirrored: told(lacking.mirrored) }
     }
 
     /// Some of its rays, and how much each carries.
@@ -56,25 +67,27 @@ impl PreparedLamp {
     }
 }
 
-/// Share of a ray's light that panes and coats on its way mirror onto other surfaces; `None` where it meets nothing.
-fn mirrored_along(scene: &PreparedScene, mut ray: Ray, sampler: &mut Sampler) -> Option<f32> {
-    let (mut passing, mut mirrored) = (1.0f32, 0.0f32);
+/// What of a ray's light is not carried; `None` where it meets nothing.
+fn lacking_along(scene: &PreparedScene, mut ray: Ray, sampler: &mut Sampler) -> Option<Lacking> {
+    let (mut passing, mut lacking) = (1.0f32, Lacking::default());
     for nth in 0..MOST_SURFACES {
-        let Some(hit) = scene.closest(&ray, sampler) else { return (nth > 0).then_some(mirrored) };
+        let Some(hit) = scene.closest(&ray, sampler) else { return (nth > 0).then_some(lacking) };
         let out = scene.slabs.behind(hit.triangle, hit.position, ray.direction);
+        let looks = scene.appearance(&hit);
         if out.is_none() && scene.material(hit.triangle).casts_caustics() {
+            let (metal, glass) = (looks.params.metallic, looks.params.transmission);
+            lacking.caustic = passing * (metal + (1.0 - metal) * glass);
             break;
         }
-        let looks = scene.appearance(&hit);
         let bsdf = scene.bsdf_of(&hit, &looks, -ray.direction);
         let [reflected, landed] = mirror_shares(scene, (&hit, &bsdf), sampler);
-        mirrored += passing * landed;
+        lacking.mirrored += passing * landed;
         match out {
             Some(out) => {
                 let glass = looks.params.transmission * looks.params.base_color.max_element();
                 let both_faces = ((1.0 - reflected) * glass).powi(2);
                 // The back mirrors as much, which passes the front twice.
-                mirrored += passing * landed * both_faces;
+                lacking.mirrored += passing * landed * both_faces;
                 passing *= both_faces;
                 (ray.origin, ray.t_min) = (out, CLEAR * scene.extent());
             }
@@ -87,7 +100,7 @@ fn mirrored_along(scene: &PreparedScene, mut ray: Ray, sampler: &mut Sampler) ->
             break;
         }
     }
-    Some(mirrored)
+    Some(lacking)
 }
 
 /// Share of light that a surface mirrors, and the part of it that meets another one.
