@@ -1,5 +1,6 @@
 mod finishes;
 mod furnace;
+mod polished;
 
 use std::f32::consts::PI;
 
@@ -168,27 +169,36 @@ struct Effort {
 }
 
 fn assert_distributed(name: &str, surface: &Surface, wo: Vec3, effort: Effort) {
-    let n = f64::from(effort.n_samples);
     let bsdf = surface.bsdf(Vec3::Z, Vec3::Z, wo);
     let mut counts = vec![0; BANDS * SECTORS];
-    let mut without_density = 0.0;
-    for stream in 0..effort.n_samples {
+    let n_other = each_sample(&bsdf, effort.n_samples, |wi| counts[cell(wi)] += 1);
+    assert_counts(&format!("{name} from {wo}"), &counts, &expected(&bsdf, effort.fine), n_other);
+}
+
+/// Gives the directions of samples that have a density; returns how many have none.
+fn each_sample(bsdf: &Bsdf, n_samples: u32, mut on_direction: impl FnMut(Vec3)) -> u32 {
+    let mut n_other = 0;
+    for stream in 0..n_samples {
         // One sample per stream: independent, as the test assumes.
         let mut sampler = Sampler::new(SEED, stream.into(), 0);
         match bsdf.sample(sampler.next_1d(), sampler.next_2d()) {
-            Some(sample) if sample.kind == ScatterKind::Smooth => counts[cell(sample.wi)] += 1,
-            _ => without_density += 1.0,
+            Some(sample) if sample.kind == ScatterKind::Smooth => on_direction(sample.wi),
+            _ => n_other += 1,
         }
     }
-    let mut mass = expected(&bsdf, effort.fine);
-    let total: f64 = mass.iter().sum();
-    let absorbed = without_density / n;
-    assert!((total + absorbed - 1.0).abs() < 0.012, "{name} from {wo}: ∫pdf {total}, other {absorbed}");
-    mass.iter_mut().for_each(|mean| *mean *= n);
-    let (statistic, cells) = chi_square(&counts, &mass);
+    n_other
+}
+
+/// Asserts that samples fell into cells as the integral of their density over each says; `n_other` samples have none.
+fn assert_counts(what: &str, counts: &[u32], mass: &[f64], n_other: u32) {
+    let n = f64::from(counts.iter().sum::<u32>() + n_other);
+    let (total, other) = (mass.iter().sum::<f64>(), f64::from(n_other) / n);
+    assert!((total + other - 1.0).abs() < 0.012, "{what}: ∫pdf {total}, other {other}");
+    let means: Vec<f64> = mass.iter().map(|mass| mass * n).collect();
+    let (statistic, cells) = chi_square(counts, &means);
     // The mean of the statistic is the number of cells, its variance twice that.
     let limit = cells + 5.0 * (2.0 * cells).sqrt() + 10.0;
-    assert!(statistic < limit, "{name} from {wo}: χ² {statistic} of {cells} cells");
+    assert!(statistic < limit, "{what}: χ² {statistic} of {cells} cells");
 }
 
 #[test]
@@ -228,6 +238,19 @@ fn the_weight_of_a_sample_is_its_value_over_its_density() {
     }
 }
 
+/// Asserts that as much light goes from one direction into another as back; returns whether there is any.
+fn assert_reciprocal(name: &str, surface: &Surface, [a, b]: [Vec3; 2]) -> bool {
+    let value = |wo: Vec3, wi: Vec3| surface.bsdf(Vec3::Z, Vec3::Z, wo).eval(wi).0 / wi.z.abs();
+    let (forth, mut back) = (value(a, b), value(b, a));
+    if a.z * b.z < 0.0 {
+        back /= squeeze(&surface.params, a);
+    }
+    let (difference, scale) = ((forth - back).abs().max_element(), forth.max_element().max(back.max_element()));
+    let share = difference / scale;
+    assert!(difference <= 2e-3 * scale + 1e-6, "{name}: {forth} against {back} for {a} and {b}, off by {share:e}");
+    forth != Vec3::ZERO
+}
+
 #[test]
 fn scattering_is_reciprocal_up_to_the_squared_index() {
     for (name, surface) in table() {
@@ -238,15 +261,7 @@ fn scattering_is_reciprocal_up_to_the_squared_index() {
             if a.z.abs() < 0.02 || b.z.abs() < 0.02 {
                 continue;
             }
-            let value = |wo: Vec3, wi: Vec3| surface.bsdf(Vec3::Z, Vec3::Z, wo).eval(wi).0 / wi.z.abs();
-            let (forth, mut back) = (value(a, b), value(b, a));
-            let transmitted = a.z * b.z < 0.0;
-            if transmitted {
-                back /= squeeze(&surface.params, a);
-            }
-            met[usize::from(transmitted)] += u32::from(forth != Vec3::ZERO);
-            let (difference, scale) = ((forth - back).abs().max_element(), forth.max_element().max(back.max_element()));
-            assert!(difference <= 2e-3 * scale + 1e-6, "{name}: {forth} against {back} for {a} and {b}");
+            met[usize::from(a.z * b.z < 0.0)] += u32::from(assert_reciprocal(name, &surface, [a, b]));
         }
         assert!(met[0] > 0, "{name}: nothing was compared");
         assert_eq!(met[1] > 0, surface.bsdf(Vec3::Z, Vec3::Z, Vec3::Z).transmits(), "{name}");

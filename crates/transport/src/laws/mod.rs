@@ -19,6 +19,7 @@ mod reconstructions;
 mod reference;
 mod reuse;
 mod shadows;
+mod sharing;
 mod skips;
 mod sky;
 pub(crate) mod slabs;

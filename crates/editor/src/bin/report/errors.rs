@@ -2,6 +2,7 @@
 
 use clerestory::compare::white_level;
 use clerestory_relight::Radiance;
+use serde::{Deserialize, Serialize};
 
 use super::fit::{median, tenths};
 
@@ -60,7 +61,7 @@ impl Sum {
 }
 
 /// An error in dB as it is told.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Told {
     /// Below the peak.
     pub db: f64,

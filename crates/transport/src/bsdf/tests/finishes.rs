@@ -3,11 +3,11 @@
 
 use super::*;
 
-fn with(params: SurfaceParams, finish: FinishParams) -> Surface {
+pub(super) fn with(params: SurfaceParams, finish: FinishParams) -> Surface {
     Surface { params, finish }
 }
 
-fn lacquered(roughness: f32) -> FinishParams {
+pub(super) fn lacquered(roughness: f32) -> FinishParams {
     FinishParams { clearcoat: 1.0, clearcoat_roughness: roughness, ..FinishParams::default() }
 }
 
@@ -15,12 +15,12 @@ fn velvet(roughness: f32) -> FinishParams {
     FinishParams { sheen_color: Vec3::new(1.0, 0.7, 0.4), sheen_roughness: roughness, ..FinishParams::default() }
 }
 
-fn brushed(strength: f32) -> FinishParams {
+pub(super) fn brushed(strength: f32) -> FinishParams {
     let anisotropy_direction = Vec3::new(0.6, 0.8, 0.0);
     FinishParams { anisotropy: strength, anisotropy_direction, ..FinishParams::default() }
 }
 
-fn oily(thickness_nm: f32) -> FinishParams {
+pub(super) fn oily(thickness_nm: f32) -> FinishParams {
     FinishParams { iridescence: 0.9, film_ior: 1.6, film_thickness_nm: thickness_nm, ..FinishParams::default() }
 }
 
