@@ -148,6 +148,11 @@ impl ColumnErrors {
         self.db(0).fold(f64::INFINITY, f64::min)
     }
 
+    /// Which of the columns is the worst; `None` of none.
+    pub fn worst(&self) -> Option<usize> {
+        (0..self.squares.len()).max_by(|&i, &j| self.squares[i][0].total_cmp(&self.squares[j][0]))
+    }
+
     /// Mean over columns, lights that are seen included.
     pub fn mean_db_with_seen(&self) -> f64 {
         self.db(1).sum::<f64>() / self.squares.len().max(1) as f64
@@ -218,6 +223,7 @@ mod tests {
         let squares = [1e-4, 1e-2, 1e-3].map(|square| [square; 2]).to_vec();
         let of = |are_bounds: [bool; 3]| {
             let errors = ColumnErrors { squares: squares.clone(), are_bounds: are_bounds.to_vec() };
+            assert_eq!(errors.worst(), Some(1));
             errors.median_and_worst().expect("columns").map(|told| told_words(&[told]))
         };
         assert_eq!(of([true, false, false]), ["30.0", "20.0"]);

@@ -170,6 +170,11 @@ impl Reference {
         ColumnErrors { squares, are_bounds }
     }
 
+    /// The column that one of [`Reference::errors`] is of: columns that light nothing have none.
+    pub fn column_of(&self, nth: usize) -> Option<usize> {
+        (0..self.n_cols).filter(|&column| self.peaks[column] > 0.0).nth(nth)
+    }
+
     /// The picture that rows make under a coefficient per column and channel, as far as it is compared.
     pub fn relit(&self, rows: &[f32], light: &[[f32; 3]]) -> Vec<f32> {
         let row = |(row, entries): (usize, &[f32])| {
