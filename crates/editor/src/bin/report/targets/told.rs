@@ -24,7 +24,7 @@ const WAYS: [Way; 2] = [(16, None), (64, Some(35.0))];
 /// Out of reach: every block takes all its samples.
 const NO_TOLERANCE_DB: f32 = 80.0;
 /// Of bakes; the references, which are those of the section Noise, have the one before. In a hurry the first alone.
-const SEEDS: [u64; 3] = [paper::SEED + 1, paper::SEED + 2, paper::SEED + 3];
+const SEEDS: &[u64] = &[paper::SEED + 1, paper::SEED + 2, paper::SEED + 3];
 /// Share of the blocks that should tell their error, in percent, and what steps at borders may be of those within.
 const TOLD: f64 = 90.0;
 const SEAMS: f64 = 1.2;
@@ -55,7 +55,7 @@ pub(super) fn write(desk: &Desk) -> Result<Told> {
     }
     let film = paper::sampling(desk, reference_spp).film;
     let text = format!(
-        "\n### Bakes\n\n\
+        "\n### Errors and seams of bakes\n\n\
          Bakes of {} × {} pixels and 256 columns as they are made by default, noise taken out between pixels included, with the seeds {}: all samples taken, or blocks done\n\
          once they are as exact as asked. They are held against two references of {reference_spp} samples per pixel each (both halves of seed {}), neither compressed nor denoised. A block's error is the mean of (x − a)(x − b) over its entries, and steps of it\n\
          from pixel to pixel are multiplied alike, so that noise of the references does not count; each column in the scale that bakes tell their errors in, lights that are seen left out. Told: blocks of all seeds that tell their error to between\n\
