@@ -22,7 +22,8 @@ use super::reference::Sampling;
 
 /// The four scenes of `assets/scenes`, one for each kind of light transport.
 const SCENES: [&str; 4] = ["diffuse", "reflections", "caustics", "mixed"];
-const SEED: u64 = 1;
+/// Of the samples, where no other is told.
+pub const SEED: u64 = 1;
 /// What methods that choose by chance are repeated with, on the same matrix.
 const SEEDS: [u64; 3] = [SEED, 2, 3];
 
@@ -66,7 +67,7 @@ pub fn write(desk: &Desk) -> Result<String> {
 }
 
 /// What all samples of a scene have in common.
-fn sampling(desk: &Desk, spp: u32) -> Sampling {
+pub fn sampling(desk: &Desk, spp: u32) -> Sampling {
     let film = desk.choose(Film { width: 32, height: 32 }, Film { width: 64, height: 48 });
     Sampling { film, step: 1, bounces: None, spp }
 }

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use clerestory_nystrom::Half;
+use clerestory_nystrom::{BlockFactors, Half};
+use clerestory_transport::bake::Bake;
 use clerestory_transport::import;
 use clerestory_transport::matrix::TransportMatrix;
 use clerestory_transport::prepared::PreparedScene;
@@ -11,7 +12,7 @@ use clerestory_transport::prepared::PreparedScene;
 use super::dense::Picture;
 use crate::desk::Desk;
 use crate::matrix::divided;
-use crate::reference::{Emitters, Sampling, key_of, plainest_plan, rows_in_blocks};
+use crate::reference::{Emitters, Sampling, key_of, plainest_plan, rows_in_blocks, rows_of};
 
 /// Two halves of a scene's matrix of so many samples per pixel each, lights that are seen left out; its panel in `side` × `side`
 /// texels, else as the file has it. Kept between runs.
@@ -43,6 +44,15 @@ fn sampled_halves(scene: &PreparedScene, sampling: Sampling, seed: u64) -> [Vec<
     let matrix = TransportMatrix::new(scene, &plan, scene.scene.cameras[0].clone(), film, bounces, seed);
     let pixels: Vec<u32> = (0..film.n_pixels() as u32).collect();
     [Half::A, Half::B].map(|half| rows_in_blocks(&matrix, (film, &pixels), (spp, half), Emitters::LeftOut))
+}
+
+/// All entries of a bake, radiance per unit of light, without the lights that are seen.
+pub fn scattered(bake: &Bake) -> Picture {
+    let header = &bake.header;
+    let (width, height, n_cols) = (header.width as usize, header.height as usize, header.basis.n_cols());
+    let pixels: Vec<u32> = (0..header.width * header.height).collect();
+    let values = rows_of(&pixels, (header, &bake.groups), BlockFactors::low_rank_row);
+    Picture { width, height, n_cols, values }
 }
 
 /// The mean of both halves, and its noise as a mean square per entry.

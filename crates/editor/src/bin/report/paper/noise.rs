@@ -4,9 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use clerestory_nystrom::BlockFactors;
 use clerestory_nystrom::rivals::Method;
-use clerestory_transport::bake::{Bake, BakeConfig, Indirect};
+use clerestory_transport::bake::{BakeConfig, Indirect};
 use clerestory_transport::import;
 use clerestory_transport::prepared::PreparedScene;
 use serde::{Deserialize, Serialize};
@@ -21,7 +20,6 @@ use crate::methods::dense::Picture;
 use crate::methods::own;
 use crate::plot::{Axis, Panel, Scale, Series};
 use crate::prints::{enlarged, jpeg};
-use crate::reference::rows_of;
 use crate::targets::coded::Subject;
 
 /// Rank of the rival; what ours and bakes are asked for in dB, as a bake is that is told nothing: mostly more than noise lets them reach.
@@ -173,19 +171,10 @@ fn answers(desk: &Desk, path: &Path, spp: u32, seed: u64) -> Result<[Option<Pict
     let scene = Arc::new(PreparedScene::new(scene, &[])?.0);
     let bake = |indirect: Indirect| {
         let config = BakeConfig { spp: 2 * spp, tolerance_db: TOLERANCE_DB, seed, indirect, ..BakeConfig::default() };
-        Ok::<_, anyhow::Error>(Some(scattered(&baked(&scene, sampling(desk, spp).film, config)?.1)))
+        Ok::<_, anyhow::Error>(Some(own::scattered(&baked(&scene, sampling(desk, spp).film, config)?.1)))
     };
     let [traced, shared] = [bake(Indirect::Traced)?, bake(Indirect::Shared)?];
     Ok([Some(sampled), kernel.map(|(found, _)| found), Some(ours), traced, shared])
-}
-
-/// All entries of a bake, radiance per unit of light, without the lights that are seen.
-fn scattered(bake: &Bake) -> Picture {
-    let header = &bake.header;
-    let (width, height, n_cols) = (header.width as usize, header.height as usize, header.basis.n_cols());
-    let pixels: Vec<u32> = (0..header.width * header.height).collect();
-    let values = rows_of(&pixels, (header, &bake.groups), BlockFactors::low_rank_row);
-    Picture { width, height, n_cols, values }
 }
 
 #[cfg(test)]
@@ -221,7 +210,7 @@ mod tests {
         let config = BakeConfig { spp: 2, ..BakeConfig::default() };
         let bake = baked(&scene, Film { width: 24, height: 18 }, config).unwrap().1;
         let light = scene.lighting.basis.project(&LightRig::default());
-        let entries = scattered(&bake).relit(&light).pixels;
+        let entries = own::scattered(&bake).relit(&light).pixels;
         let shown = as_in_file(&bake);
         let is_seen = |pixel: usize| {
             let at = [pixel % 24, pixel / 24].map(|at| at / 16);

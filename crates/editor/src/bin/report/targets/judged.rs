@@ -1,7 +1,7 @@
 //! How far a compressed picture is from the truth: in all, block by block, and across the borders of blocks.
 
-use clerestory_nystrom::BlockLowRank;
 use clerestory_nystrom::rivals::DMatrix;
+use clerestory_nystrom::{BlockLowRank, Partition};
 use rayon::prelude::*;
 
 use crate::methods::dense::{CHANNELS, Picture, TILE};
@@ -10,6 +10,8 @@ use crate::methods::dense::{CHANNELS, Picture, TILE};
 pub struct Judged {
     /// Mean square of each block.
     blocks: Vec<f64>,
+    /// Mean square of the noise that is left in the mean of two truths, of each block; 0 beside one truth.
+    noise: Vec<f64>,
     /// What each block says of itself.
     told: Vec<f64>,
     /// Root mean square of the step of the error from one pixel to the next: across borders of blocks over within.
@@ -31,16 +33,26 @@ impl Judged {
     pub fn beside(truth: &Picture, entries: Picture, found: &BlockLowRank) -> Judged {
         let mut errors = entries;
         errors.values.iter_mut().zip(&truth.values).for_each(|(error, x)| *error = x - *error);
-        let mean_square = |block_idx: usize| {
-            let rows = errors.block_rows(&found.partition, block_idx);
-            rows.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / rows.len() as f64
-        };
         let told = found.blocks.iter().flatten().map(|block| block.error);
-        Judged {
-            blocks: (0..found.blocks.len()).map(mean_square).collect(),
-            told: told.map(|error| f64::from(error.truncation + error.sampling)).collect(),
-            seams: seams(&errors),
-        }
+        let told = told.map(|error| f64::from(error.truncation + error.sampling)).collect();
+        Judged::of_errors([&errors, &errors], &found.partition, told)
+    }
+
+    /// Of the differences to two truths whose noise is their own, which does not count, and what blocks tell of their errors; a truth
+    /// without noise is given twice.
+    pub fn of_errors([a, b]: [&Picture; 2], partition: &Partition, told: Vec<f64>) -> Judged {
+        let of_block = |block_idx: usize| {
+            let [a, b] = [a, b].map(|errors| errors.block_rows(partition, block_idx));
+            let (mut product, mut noise) = (0.0, 0.0);
+            for (a, b) in a.iter().zip(&b) {
+                let (a, b) = (f64::from(*a), f64::from(*b));
+                product += a * b;
+                noise += 0.25 * (a - b).powi(2);
+            }
+            (product / a.len() as f64, noise / a.len() as f64)
+        };
+        let (blocks, noise) = (0..partition.n_blocks()).map(of_block).unzip();
+        Judged { blocks, noise, told, seams: seams([a, b]) }
     }
 
     /// Mean square over all entries.
@@ -53,30 +65,53 @@ impl Judged {
         decibels(self.blocks.iter().copied().fold(0.0, f64::max))
     }
 
-    /// Share of the blocks whose error is told to between 0.8 and 1.25 of it.
+    /// Share of the blocks whose error is told to between 0.8 and 1.25 of it, of those of which it is known.
     pub fn told_well(&self) -> f64 {
-        let both = self.told.iter().zip(&self.blocks);
-        let well = both.filter(|(told, error)| (0.8..=1.25).contains(&(told.max(0.0) / *error).sqrt()));
-        well.count() as f64 / self.blocks.len() as f64
+        let [well, known, _] = self.n_told();
+        well as f64 / known as f64
+    }
+
+    /// Blocks whose error is told to between 0.8 and 1.25 of it, those of which it is known, since it is no less than the noise of the
+    /// truths, and all.
+    pub fn n_told(&self) -> [usize; 3] {
+        let all = self.told.iter().zip(self.blocks.iter().zip(&self.noise));
+        let known: Vec<f64> = all
+            .filter(|(_, (error, noise))| error >= noise)
+            .map(|(told, (error, _))| (told.max(0.0) / error).sqrt())
+            .collect();
+        let well = known.iter().filter(|ratio| (0.8..=1.25).contains(*ratio));
+        [well.count(), known.len(), self.blocks.len()]
     }
 }
 
-fn seams(errors: &Picture) -> f64 {
-    let len = CHANNELS * errors.n_cols;
-    let at = |x: usize, y: usize| &errors.values[(y * errors.width + x) * len..][..len];
+/// Of the differences to two truths: steps of both are multiplied, so that the noise of neither counts.
+fn seams([a, b]: [&Picture; 2]) -> f64 {
+    let len = CHANNELS * a.n_cols;
+    let product = |from: usize, to: usize| -> f64 {
+        let steps = |errors| {
+            let both = entries_of(errors, from).iter().zip(entries_of(errors, to));
+            both.map(|(from, to)| f64::from(from - to))
+        };
+        steps(a).zip(steps(b)).map(|(a, b)| a * b).sum()
+    };
     // Sum of squares and number of steps, within blocks and across borders.
     let mut steps = [[0.0f64; 2]; 2];
-    for (y, x) in (0..errors.height).flat_map(|y| (0..errors.width).map(move |x| (y, x))) {
+    for (y, x) in (0..a.height).flat_map(|y| (0..a.width).map(move |x| (y, x))) {
         for (to_x, to_y, place) in [(x + 1, y, x + 1), (x, y + 1, y + 1)] {
-            if to_x < errors.width && to_y < errors.height {
-                let squares = at(x, y).iter().zip(at(to_x, to_y)).map(|(a, b)| f64::from(a - b).powi(2));
+            if to_x < a.width && to_y < a.height {
                 let step = &mut steps[usize::from(place % TILE == 0)];
-                *step = [step[0] + squares.sum::<f64>(), step[1] + len as f64];
+                *step = [step[0] + product(y * a.width + x, to_y * a.width + to_x), step[1] + len as f64];
             }
         }
     }
     let [within, across] = steps.map(|[sum, count]| sum / count);
     (across / within).sqrt()
+}
+
+/// The rows of a pixel.
+fn entries_of(errors: &Picture, pixel: usize) -> &[f32] {
+    let len = CHANNELS * errors.n_cols;
+    &errors.values[pixel * len..][..len]
 }
 
 /// Squared singular values of all blocks together, least first.
@@ -124,11 +159,46 @@ mod tests {
             n_cols: 1,
             values: (0..32 * 16 * 3).map(|i| value(i / 3 % 32)).collect(),
         };
-        assert!(seams(&picture(|x| (x / 16) as f32)) > 1e6);
+        let seams_of = |errors: &Picture| seams([errors, errors]);
+        assert!(seams_of(&picture(|x| (x / 16) as f32)) > 1e6);
         // One of 31 steps lies across, and all are alike; there are as many steps down, which are 0.
-        let even = seams(&picture(|x| x as f32));
+        let even = seams_of(&picture(|x| x as f32));
         let within = 16.0 * 30.0 / (16.0 * 30.0 + 15.0 * 32.0);
         assert!((even - f64::sqrt(1.0 / within)).abs() < 1e-6, "{even}");
+    }
+
+    /// Two blocks beside two truths that are off by a tenth either way, each in a pattern of its own.
+    fn beside_two(error: fn(usize) -> f32) -> [Picture; 2] {
+        let sign = |at: usize| if at.is_multiple_of(2) { 0.1f32 } else { -0.1 };
+        let noises: [&dyn Fn(usize, usize) -> f32; 2] = [&|x, y| sign(x + y), &|_, y| sign(y)];
+        noises.map(|noise| Picture {
+            width: 32,
+            height: 16,
+            n_cols: 1,
+            values: (0..32 * 16 * 3).map(|i| (i / 3 % 32, i / 96)).map(|(x, y)| error(x) - noise(x, y)).collect(),
+        })
+    }
+
+    #[test]
+    fn noise_of_two_truths_is_no_error_and_a_block_below_it_is_not_known() {
+        // The first block is off by a fifth, the second by nothing.
+        let [a, b] = beside_two(|x| if x < 16 { 0.2 } else { 0.0 });
+        let judged = |told: f64| Judged::of_errors([&a, &b], &a.partition(), vec![told, 1.0]);
+        assert!((judged(0.04).mean_square() - 0.02).abs() < 1e-6, "{}", judged(0.04).mean_square());
+        assert!((judged(0.04).worst_db() - decibels(0.04)).abs() < 1e-3);
+        let told = [0.04 * 0.7 * 0.7, 0.04 * 0.9 * 0.9, 0.04 * 1.2 * 1.2, 0.04 * 1.3 * 1.3, -1.0];
+        let n_well = told.map(|told| judged(told).n_told());
+        assert_eq!(n_well, [[0, 1, 2], [1, 1, 2], [1, 1, 2], [0, 1, 2], [0, 1, 2]]);
+        assert_eq!(judged(0.04).told_well(), 1.0);
+    }
+
+    #[test]
+    fn noise_of_two_truths_is_no_seam() {
+        let [a, b] = beside_two(|x| 0.01 * x as f32);
+        let even = seams([&a, &b]);
+        let within = 16.0 * 30.0 / (16.0 * 30.0 + 15.0 * 32.0);
+        assert!((even - f64::sqrt(1.0 / within)).abs() < 1e-3, "{even}");
+        assert!((seams([&a, &a]) - even).abs() > 0.1, "beside one of them it counts: {}", seams([&a, &a]));
     }
 
     #[test]

@@ -1,0 +1,217 @@
+//! Whether blocks of bakes tell their errors, and whether their borders show: beside two references, whose noise does not count.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use clerestory_transport::bake::{Bake, BakeConfig};
+use clerestory_transport::import;
+use clerestory_transport::prepared::PreparedScene;
+use serde::{Deserialize, Serialize};
+
+use super::judged::{Judged, decibels};
+use super::{Goals, Told};
+use crate::desk::Desk;
+use crate::fit::{hundredths, median, tenths};
+use crate::matrix::baked;
+use crate::methods::dense::Picture;
+use crate::methods::own;
+use crate::paper;
+
+const SCENES: [&str; 4] = ["diffuse", "reflections", "caustics", "mixed"];
+/// Samples per pixel at most, and what is asked for in dB; all samples are taken where nothing is.
+type Way = (u32, Option<f32>);
+const WAYS: [Way; 2] = [(16, None), (64, Some(35.0))];
+/// Out of reach: every block takes all its samples.
+const NO_TOLERANCE_DB: f32 = 80.0;
+/// Of bakes; the references, which are those of the section Noise, have the one before. In a hurry the first alone.
+const SEEDS: &[u64] = &[paper::SEED + 1, paper::SEED + 2, paper::SEED + 3];
+/// Share of the blocks that should tell their error, in percent, and what steps at borders may be of those within.
+const TOLD: f64 = 90.0;
+const SEAMS: f64 = 1.2;
+
+/// What was found of a bake.
+#[derive(Serialize, Deserialize)]
+struct Found {
+    /// Of the whole picture.
+    db: f64,
+    /// As [`Judged::n_told`] has it.
+    n_told: [usize; 3],
+    /// As [`Judged`] has it; `None` where the noise of the references is all that there is.
+    seams: Option<f64>,
+}
+
+/// A chapter, and rows of the table of targets; each scene is a part.
+///
+/// # Errors
+/// If a scene cannot be sampled or baked.
+pub(super) fn write(desk: &Desk) -> Result<Told> {
+    let reference_spp = desk.choose(32, 256);
+    let (mut rows, mut goals) = (String::new(), Goals::default());
+    for name in SCENES.into_iter().take(desk.choose(1, SCENES.len())) {
+        let part = || of_scene(desk, name, reference_spp);
+        let found: Vec<Vec<Found>> = desk.part("targets", &format!("bakes of {name}"), part)?;
+        rows += &WAYS.into_iter().zip(&found).map(|(way, found)| row(name, way, found)).collect::<String>();
+        add_goals(&mut goals, name, &found);
+    }
+    let film = paper::sampling(desk, reference_spp).film;
+    let text = format!(
+        "\n### Errors and seams of bakes\n\n\
+         Bakes of {} × {} pixels and 256 columns as they are made by default, noise taken out between pixels included, with the seeds {}: all samples taken, or blocks done\n\
+         once they are as exact as asked. They are held against two references of {reference_spp} samples per pixel each (both halves of seed {}), neither compressed nor denoised. A block's error is the mean of (x − a)(x − b) over its entries, and steps of it\n\
+         from pixel to pixel are multiplied alike, so that noise of the references does not count; each column in the scale that bakes tell their errors in, lights that are seen left out. Told: blocks of all seeds that tell their error to between\n\
+         0.8 and 1.25 of it, root mean square, of those whose error is known; hidden are those whose error is less than the noise of the mean of both references, the mean of (a − b)² / 4. dB and seams are of all\n\
+         blocks, median (least…greatest) of the seeds; \"—\" where noise of the references is all that there is.\n\n\
+         | scene | samples | asked for | dB | told | hidden | seams |\n|---|---|---|---|---|---|---|\n{rows}",
+        film.width,
+        film.height,
+        seeds(desk).iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
+        paper::SEED,
+    );
+    Ok((text, goals))
+}
+
+fn seeds(desk: &Desk) -> &'static [u64] {
+    &SEEDS[..desk.choose(1, SEEDS.len())]
+}
+
+/// Bakes of a scene in each way, one with each seed.
+fn of_scene(desk: &Desk, name: &str, reference_spp: u32) -> Result<Vec<Vec<Found>>> {
+    let path = desk.root.join(format!("assets/scenes/{name}.glb"));
+    let sampling = paper::sampling(desk, reference_spp);
+    let references = own::halves(desk, &path, None, (sampling, paper::SEED))?;
+    let imported = import::load(&path).with_context(|| format!("cannot load the scene {}", path.display()))?;
+    let scene = Arc::new(PreparedScene::new(imported.scene, &[])?.0);
+    let bake = |(spp, asked_db): Way, seed: u64| -> Result<Found> {
+        desk.say(&format!("baking {name} with {spp} samples per pixel, seed {seed}"));
+        let tolerance_db = asked_db.unwrap_or(NO_TOLERANCE_DB);
+        let config = BakeConfig { spp, tolerance_db, seed, ..BakeConfig::default() };
+        Ok(Found::new(&baked(&scene, sampling.film, config)?.1, &references))
+    };
+    let with_seeds = |way: Way| seeds(desk).iter().map(|&seed| bake(way, seed)).collect::<Result<Vec<Found>>>();
+    WAYS.into_iter().map(with_seeds).collect()
+}
+
+impl Found {
+    fn new(bake: &Bake, references: &[Picture; 2]) -> Found {
+        let (entries, header) = (own::scattered(bake), &bake.header);
+        let [a, b] = references.each_ref().map(|reference| differences(&entries, reference, &header.column_scale));
+        let told = bake.error_maps().total;
+        let told = told.into_iter().map(|db| db.map_or(0.0, |db| 10f64.powf(-0.1 * f64::from(db)))).collect();
+        let judged = Judged::of_errors([&a, &b], &header.partition(), told);
+        Found {
+            // No error is told as less than nothing.
+            db: decibels(judged.mean_square().max(1e-12)),
+            n_told: judged.n_told(),
+            seams: Some(judged.seams).filter(|seams| seams.is_finite()),
+        }
+    }
+}
+
+/// Entries less those of a reference, times the scale of their columns.
+fn differences(entries: &Picture, reference: &Picture, column_scale: &[f32]) -> Picture {
+    let mut values = entries.values.clone();
+    let rows = values.chunks_exact_mut(entries.n_cols).zip(reference.values.chunks_exact(entries.n_cols));
+    for (row, reference) in rows {
+        row.iter_mut().zip(reference).zip(column_scale).for_each(|((x, a), scale)| *x = (*x - a) * scale);
+    }
+    Picture { values, ..*entries }
+}
+
+/// Blocks of some bakes: those that tell their error well, those of which it is known, and all.
+fn n_told<'a>(found: impl Iterator<Item = &'a Found>) -> [usize; 3] {
+    found.fold([0; 3], |sum: [usize; 3], found| std::array::from_fn(|nth| sum[nth] + found.n_told[nth]))
+}
+
+/// Seams of some bakes; `None` where one of them is not known.
+fn seams(found: &[Found]) -> Option<Vec<f64>> {
+    found.iter().map(|found| found.seams).collect()
+}
+
+/// Bakes of one way, with all seeds.
+fn row(name: &str, (spp, asked_db): Way, found: &[Found]) -> String {
+    let [well, known, all] = n_told(found.iter());
+    format!(
+        "| {name} | {spp} | {} | {} | {well} of {known} | {} of {all} | {} |\n",
+        asked_db.map_or("all samples".into(), |db| format!("{db} dB")),
+        tenths(found.iter().map(|found| found.db).collect()),
+        all - known,
+        seams(found).map_or("—".into(), hundredths),
+    )
+}
+
+/// What is judged of a scene: blocks of all its bakes together, and seams in the way that has the greater ones.
+fn add_goals(goals: &mut Goals, name: &str, ways: &[Vec<Found>]) {
+    let what = format!("errors that the halves tell to 0.8 … 1.25, %, bakes of `{name}`");
+    let [well, known, _] = n_told(ways.iter().flatten());
+    if known > 0 {
+        let share = 100.0 * well as f64 / known as f64;
+        goals.at_least(what, TOLD, share, format!("{share:.0}, {well} of {known}"));
+    } else {
+        goals.figure(what, "less than the noise of the references", "—".into());
+    }
+    let what = format!("seams, bakes of `{name}`");
+    let of_ways: Option<Vec<f64>> = ways.iter().map(|found| median(&seams(found)?)).collect();
+    if let Some(of_ways) = of_ways {
+        let words: Vec<String> = of_ways.iter().map(|seams| format!("{seams:.2}")).collect();
+        goals.at_most(what, SEAMS, of_ways.into_iter().fold(0.0, f64::max), words.join(", "));
+    } else {
+        goals.figure(what, "less than the noise of the references", "—".into());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use clerestory_transport::camera::Film;
+
+    use super::*;
+
+    fn found(db: f64, n_told: [usize; 3], seams: Option<f64>) -> Found {
+        Found { db, n_told, seams }
+    }
+
+    #[test]
+    fn blocks_of_all_seeds_count_together_and_hidden_ones_apart() {
+        let of_seeds = [found(30.0, [9, 12, 12], Some(1.1)), found(32.0, [8, 10, 12], Some(1.3))];
+        let words = row("diffuse", WAYS[1], &of_seeds);
+        assert_eq!(words, "| diffuse | 64 | 35 dB | 31.0 (30.0…32.0) | 17 of 22 | 2 of 24 | 1.20 (1.10…1.30) |\n");
+        let words = row("mixed", WAYS[0], &[found(30.0, [0, 0, 12], None)]);
+        assert_eq!(words, "| mixed | 16 | all samples | 30.0 | 0 of 0 | 12 of 12 | — |\n");
+    }
+
+    #[test]
+    fn a_scene_is_judged_by_all_its_blocks_and_by_the_greater_seams() {
+        let told = |ways: &[Vec<Found>]| {
+            let mut goals = Goals::default();
+            add_goals(&mut goals, "mixed", ways);
+            goals.rows.into_iter().map(|[_, goal, ours, verdict, _]| [goal, ours, verdict]).collect::<Vec<_>>()
+        };
+        let both = [vec![found(30.0, [10, 10, 12], Some(1.1))], vec![found(35.0, [8, 10, 12], Some(1.25))]];
+        let words = told(&both);
+        assert_eq!(words[0], ["≥ 90", "90, 18 of 20", "kept"]);
+        assert_eq!(words[1], ["≤ 1.2", "1.10, 1.25", "**missed**"]);
+        let hidden = told(&[vec![found(60.0, [0, 0, 12], None)]]);
+        let nothing = ["less than the noise of the references", "—", "—"];
+        assert_eq!(hidden, [nothing, nothing]);
+    }
+
+    #[test]
+    fn errors_of_a_bake_are_in_the_scale_that_it_tells_them_in() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/scenes/diffuse.glb");
+        let scene = Arc::new(PreparedScene::new(import::load(&path).unwrap().scene, &[]).unwrap().0);
+        let config = BakeConfig { spp: 2, ..BakeConfig::default() };
+        let bake = baked(&scene, Film { width: 16, height: 16 }, config).unwrap().1;
+        // All columns are off by a tenth of their peaks.
+        let off = || {
+            let mut entries = own::scattered(&bake);
+            for row in entries.values.chunks_exact_mut(entries.n_cols) {
+                row.iter_mut().zip(&bake.header.column_scale).for_each(|(x, scale)| *x += 0.1 / scale);
+            }
+            entries
+        };
+        let found = Found::new(&bake, &[off(), off()]);
+        assert!((found.db - 20.0).abs() < 0.01, "{} dB", found.db);
+        assert_eq!((found.n_told[1..].to_vec(), found.seams), (vec![1, 1], None));
+    }
+}
