@@ -77,13 +77,13 @@ fn a_limit_of_memory_is_kept_by_fewer_threads_and_changes_no_byte() {
     let folder = desk();
     const MANY_COLUMNS: &str = "bake room.gltf --size 96x64 --spp 4 --sky uniform --sky-patches 2305 --threads 8 -o";
     let (without, _) = peak_of(folder.path(), &format!("{MANY_COLUMNS} a.transport"));
-    let (within, said) = peak_of(folder.path(), &format!("{MANY_COLUMNS} b.transport --memory 160MB"));
+    let (within, said) = peak_of(folder.path(), &format!("{MANY_COLUMNS} b.transport --memory 170MB"));
     assert!(said.contains("of 8 threads bake"), "{said}");
     let [a, b] = ["a", "b"].map(|name| std::fs::read(folder.path().join(format!("{name}.transport"))).unwrap());
     assert!(a == b, "fewer threads bake other bytes");
     if without > 0 {
-        assert!(without > 160_000_000, "{without} bytes are within the limit anyway: make the bake larger");
-        assert!(within <= 160_000_000, "{within} bytes");
+        assert!(without > 170_000_000, "{without} bytes are within the limit anyway: make the bake larger");
+        assert!(within <= 170_000_000, "{within} bytes");
     }
     let refused = run(folder.path(), &format!("{MANY_COLUMNS} c.transport --memory 30MB"));
     let said = String::from_utf8_lossy(&refused.stderr).into_owned();

@@ -38,6 +38,8 @@ pub(crate) fn deviation(noise: f64, told: f64, n_entries: f64) -> f64 {
 /// Octaves by which the largest number of a component lies above 1 as a half: rows far below one that is very large keep eleven bits, and
 /// noise in the same scale may still be greater than what it is the noise of.
 const ROOM: i32 = 8;
+/// Power of two of the greatest scale whose product with such a number single precision holds.
+pub(crate) const GREATEST_SCALE: i32 = f32::MAX_EXP - 1 - ROOM;
 
 /// One block of a matrix, compressed: `left · diag(scale) · right + sparse`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -215,7 +217,7 @@ fn exponents_of_columns(values: &[f32], n_cols: usize) -> Vec<i32> {
 
 /// 2^exponent: below what single precision holds 0, above the greatest power.
 fn scale(exponent: i32) -> f32 {
-    power_of_two(exponent.min(f32::MAX_EXP - 1)) as f32
+    power_of_two(exponent.min(GREATEST_SCALE)) as f32
 }
 
 /// A row-major matrix with each column divided by a power of two.

