@@ -366,11 +366,16 @@ mod tests {
         let view = view_of(scene);
         let config = VisibleConfig { samples: 1, narrow_alpha: NARROW_ALPHA, ..VisibleConfig::default() };
         let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
-        // On a wall but for what rounding decides, and next to it, at the eye, outside and far away, within a solid.
+        // Next to a wall, at the eye, outside and far away, within a solid.
         let [wall, outside, far] = [Vec3::new(-1.0, 0.1, -0.4), Vec3::new(1.5, 0.0, -0.2), Vec3::splat(100.0)];
-        let places = [wall + Vec3::X * 1e-6, wall + Vec3::X * 1e-3, view.camera.position(), outside, far, within];
+        let places = [wall + Vec3::X * 1e-4, wall + Vec3::X * 1e-3, view.camera.position(), outside, far, within];
         for gpu in &gpus {
             let mut device = LampDevice::new(gpu, &view).unwrap();
+            // On the wall rounding decides how far it is.
+            for lamp in [wall, wall + Vec3::X * 1e-6].into_iter().flat_map(|place| lamps(place, place - Vec3::Y)) {
+                let found = device.direct((0, &points), &lamp, 0, &|| false).unwrap().unwrap();
+                assert!(found.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
+            }
             for place in places {
                 let aim = place - Vec3::Y;
                 let none = [
