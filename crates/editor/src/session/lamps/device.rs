@@ -368,13 +368,20 @@ mod tests {
         let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
         // Next to a wall, at the eye, outside and far away, within a solid.
         let [wall, outside, far] = [Vec3::new(-1.0, 0.1, -0.4), Vec3::new(1.5, 0.0, -0.2), Vec3::splat(100.0)];
-        let places = [wall + Vec3::X * 1e-4, wall + Vec3::X * 1e-3, view.camera.position(), outside, far, within];
+        let places = [wall + Vec3::X * 0.03, view.camera.position(), outside, far, within];
         for gpu in &gpus {
             let mut device = LampDevice::new(gpu, &view).unwrap();
-            // On the wall rounding decides how far it is.
-            for lamp in [wall, wall + Vec3::X * 1e-6].into_iter().flat_map(|place| lamps(place, place - Vec3::Y)) {
-                let found = device.direct((0, &points), &lamp, 0, &|| false).unwrap().unwrap();
-                assert!(found.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0));
+            // Rays of a device start up to some hundredths of a millimeter above a surface: by as much a lamp is nearer to it.
+            for (above, off) in [(0.0, f32::INFINITY), (1e-6, f32::INFINITY), (1e-4, 0.3), (1e-3, 0.03)] {
+                let place = wall + Vec3::X * above;
+                for (nth, lamp) in lamps(place, place - Vec3::Y).iter().enumerate() {
+                    let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
+                    assert!(found.as_flattened().iter().all(|x| x.is_finite() && *x >= 0.0), "lamp {nth}, {above} m");
+                    let expected = points.direct(&device.scene, lamp, 0, &|| false).unwrap();
+                    let (_, [sum, expected_sum]) = compare(&found, &expected);
+                    let is_near = off.is_infinite() || (sum - expected_sum).abs() <= off * expected_sum;
+                    assert!(is_near, "lamp {nth}, {above} m: {sum}, {expected_sum}");
+                }
             }
             for place in places {
                 let aim = place - Vec3::Y;
