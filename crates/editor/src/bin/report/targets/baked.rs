@@ -32,9 +32,9 @@ struct Subject {
 
 const SUBJECTS: [Subject; 6] = [
     Subject { scene: "diffuse", side: 16, tolerance_db: 40.0, spp: ["16", "128"], aim: Aim::OfKinds },
-    Subject { scene: "reflections", side: 16, tolerance_db: 40.0, spp: ["16", "64"], aim: Aim::OfKinds },
-    Subject { scene: "caustics", side: 16, tolerance_db: 40.0, spp: ["16", "64"], aim: Aim::OfKinds },
-    Subject { scene: "mixed", side: 16, tolerance_db: 40.0, spp: ["16", "64"], aim: Aim::OfKinds },
+    Subject { scene: "reflections", side: 16, tolerance_db: 40.0, spp: ["16", "32"], aim: Aim::OfKinds },
+    Subject { scene: "caustics", side: 16, tolerance_db: 40.0, spp: ["16", "32"], aim: Aim::OfKinds },
+    Subject { scene: "mixed", side: 16, tolerance_db: 40.0, spp: ["16", "32"], aim: Aim::OfKinds },
     Subject { scene: "diffuse", side: 64, tolerance_db: 40.0, spp: ["4", "16"], aim: Aim::Least(1500.0) },
     Subject { scene: "conference-panel", side: 16, tolerance_db: 35.0, spp: ["4", "128"], aim: Aim::Open },
 ];
