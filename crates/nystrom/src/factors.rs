@@ -38,7 +38,7 @@ pub(crate) fn deviation(noise: f64, told: f64, n_entries: f64) -> f64 {
 /// Octaves by which the largest number of a component lies above 1 as a half: rows far below one that is very large keep eleven bits, and
 /// noise in the same scale may still be greater than what it is the noise of.
 const ROOM: i32 = 8;
-/// Power of two of the greatest scale whose product with such a number single precision holds.
+/// Power of two of the greatest scale whose product with such a number single precision holds, unless that rounds up to 2^(ROOM + 1).
 pub(crate) const GREATEST_SCALE: i32 = f32::MAX_EXP - 1 - ROOM;
 
 /// One block of a matrix, compressed: `left · diag(scale) · right + sparse`.
@@ -91,7 +91,8 @@ impl BlockFactors {
         factors
     }
 
-    /// Packs the noise of `left` in the scale of that; both row-major rows × rank.
+    /// Packs the noise of `left` in the scale of that; both row-major rows × rank. What is greater than a half holds there is told as the
+    /// greatest one.
     pub(crate) fn with_doubt(mut self, doubt: &[f32], left: &[f32]) -> Self {
         let exponents = exponents_of_columns(left, self.rank as usize);
         self.doubt = scaled_columns(doubt, &exponents);
@@ -233,9 +234,12 @@ fn exponent<'a>(values: impl Iterator<Item = &'a f32>) -> i32 {
     if largest > 0.0 && largest.is_finite() { f64::from(largest).log2().floor() as i32 } else { 0 }
 }
 
-/// Numbers of eleven bits. What single precision does not hold of those that are told is far below the least of them.
+/// Numbers of eleven bits: those beyond the greatest half are that one, and what is no finite number stays none. What single precision
+/// does not hold of those that are told is far below the least of them.
 fn rounded(values: impl Iterator<Item = f64>) -> Vec<f16> {
-    let values: Vec<f32> = values.map(|x| x as f32).collect();
+    let most = f64::from(f16::MAX);
+    let held = |x: f64| if x.is_finite() { x.clamp(-most, most) } else { x };
+    let values: Vec<f32> = values.map(|x| held(x) as f32).collect();
     let mut halves = vec![f16::ZERO; values.len()];
     halves.convert_from_f32_slice(&values);
     halves
@@ -279,7 +283,7 @@ mod tests {
 
     #[test]
     fn numbers_near_the_ends_of_single_precision_are_kept() {
-        for x in [1e-45f32, 1e-40, 1e-38, 1e38, 3e38] {
+        for x in [1e-45f32, 1e-40, 1e-38, 1e38, 3e38, 3.4e38] {
             let factors = BlockFactors::from_f32(&[x, 0.0], &[1.0], 2, 1, 1);
             for factors in [factors.with_left(&[x, 0.0]), factors] {
                 let [got, zero] = [factors.entry(0, 0), factors.entry(1, 0)];
@@ -348,9 +352,14 @@ mod tests {
             let got = half.to_f32() / factors.left[0].to_f32() * left[0];
             assert!((got / x - 1.0).abs() < 1e-3, "{got} for {x}");
         }
-        // Noise in the same scale may be greater than the largest row.
-        let doubt: Vec<f32> = left.iter().map(|x| 50.0 * x).collect();
-        assert!(factors.with_doubt(&doubt, &left).doubt.iter().all(|x| x.is_finite()));
+        // Noise in the same scale may be greater than the largest row, and than any half.
+        for times in [50.0f32, 1e4] {
+            let doubt: Vec<f32> = left.iter().map(|x| times * x).collect();
+            let packed = factors.clone().with_doubt(&doubt, &left).doubt;
+            assert!(packed.iter().all(|x| x.is_finite()), "{times}");
+        }
+        // What is no number is not made one: an encoder refuses it.
+        assert!(rounded([f64::INFINITY].into_iter())[0].is_infinite());
     }
 
     #[test]
