@@ -1,4 +1,4 @@
-//! Chosen rows and columns: the family of Algorithms 1 to 4, each with five cores.
+//! Chosen rows and columns: the family of Algorithms 1 to 4 and a variant of the last, each with five cores.
 //!
 //! C are whole columns, R whole rows, W their intersection. `C · W⁻¹ · R` looks at nothing else \[Drineas2005\] and pays for it with
 //! the condition of W; `Q·Qᵀ · A · V·Vᵀ`, with bases Q of C and V of R, is the best that can be made of both \[Stewart1999\]; `A · V·Vᵀ`
@@ -16,7 +16,7 @@ use crate::{
     random::Random,
 };
 
-/// Rows and columns by one of the four algorithms, as many of both, then the core.
+/// Rows and columns by one of the four algorithms or a variant of the last, as many of both, then the core.
 pub(super) fn cross<S: Real>(
     matrix: &DMatrix<S>,
     selection: Selection,
