@@ -1,4 +1,4 @@
-//! Eigenvalues of small symmetric matrices, for those who choose a basis before anything is compressed.
+//! Leading eigenvalues of symmetric matrices, and right singular vectors of wide ones.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
@@ -17,7 +17,7 @@ const STEPS: usize = 3;
 
 /// The largest eigenvalues of a symmetric matrix (row-major, n × n), at most `most` of them, largest first, and their unit
 /// vectors: row-major, one vector of n entries after the other.
-pub fn largest_eigenpairs(n: usize, matrix: &[f64], most: usize) -> (Vec<f64>, Vec<f64>) {
+fn largest_eigenpairs(n: usize, matrix: &[f64], most: usize) -> (Vec<f64>, Vec<f64>) {
     assert_eq!(matrix.len(), n * n, "a matrix of {n} × {n}");
     let eigen = SymmetricEigen::new(DMatrix::from_row_slice(n, n, matrix));
     let mut order: Vec<usize> = (0..n).collect();
@@ -28,10 +28,13 @@ pub fn largest_eigenpairs(n: usize, matrix: &[f64], most: usize) -> (Vec<f64>, V
     (values, vectors.collect())
 }
 
-/// The same of a large positive matrix where the last of many pairs need not be the very largest: values and vectors of the
-/// matrix within a space that holds nearly all that as many pairs can hold, found by a power iteration from random vectors
+/// About the largest eigenvalues of a symmetric positive matrix (row-major, n × n), at most `most` of them, largest first, and
+/// their unit vectors: row-major, one vector of n entries after the other.
+///
+/// Of a small matrix they are exact. Of a large one the last of many need not be the very largest: they are values and vectors of
+/// the matrix within a space that holds nearly all that as many pairs can hold, found by a power iteration from random vectors
 /// \[Halko2011\]. Whatever the space, what the matrix makes of one of them is orthogonal to the others. Pairs below `1e-7` of
-/// the largest are left out.
+/// the largest are left out there.
 pub fn leading_pairs(n: usize, matrix: &[f64], most: usize) -> (Vec<f64>, Vec<f64>) {
     assert_eq!(matrix.len(), n * n, "a matrix of {n} × {n}");
     let width = most + (SPARE.0 * most as f64) as usize + SPARE.1;

@@ -108,7 +108,7 @@ fn what_is_told_holds_for_99_in_100_seeds_where_noise_is_in_the_way() {
             }
             let factors = found(&case, asked(noise), 96, false);
             let (error, told) = (distance(&case, &factors).powi(2), told(&case, &factors));
-            // Both halves have that noise, and an error that they have in common beside it: see `Ours::doubt`.
+            // Both halves have that noise, and an error that they have in common beside it: see `BlockError::deviation`.
             let doubt = (of_products + 2.0 * most * told.max(0.0)).sqrt();
             held += u32::from(error <= told + 3.0 * doubt);
             n_asked += u32::from(told > f64::from(asked(noise)) * case.truth.len() as f64);

@@ -16,7 +16,7 @@ use crate::matrix::CHANNELS;
 
 /// Columns for each lamp that is learned from.
 const COLUMNS_PER_LEARNED: f32 = 1.0 / 3.0;
-/// Share of all light below which a mixture holds nothing but rounding.
+/// Share of all light below which a mixture holds nothing but rounding; of many lamps [`leading_pairs`] leaves out more.
 const FAINTEST: f64 = 1e-9;
 
 /// Mixtures of lamps that columns are pictures of.
