@@ -7,7 +7,7 @@ use super::find::ROUNDING;
 use super::{Bounds, Slab, Slabs};
 use crate::scene::Mesh;
 
-/// Rounding of places over half of a thickness, beyond which it is not told what lies in the glass.
+/// Rounding of places over half of a side of the room, beyond which it is not told what lies in the glass.
 const COARSE: f64 = 1.0 / 64.0;
 
 /// Around all that lies between two faces, along their normal and the sides of the rectangle around them.
@@ -59,8 +59,9 @@ impl Room {
             let coordinates = DVec3::from(axes.map(|axis| axis.abs().dot(corner.as_dvec3().abs())));
             rounding = rounding.max(coordinates * f64::from(ROUNDING));
         }
+        let is_fine = rounding.cmple(COARSE * room.half).all();
         room.half -= rounding;
-        (rounding.z <= COARSE * room.half.z).then_some(room)
+        is_fine.then_some(room)
     }
 
     /// Along its axes, from its center.
@@ -163,6 +164,24 @@ mod tests {
             assert_eq!(slabs.slabs.len(), 1, "{what}");
             assert_eq!(slabs.slabs[0].is_free, expected, "{what}");
         }
+    }
+
+    #[test]
+    fn a_small_pane_far_along_one_of_its_sides_is_not_called_free() {
+        let is_free = |along: f32, height: f32| {
+            let center = Vec3::new(along, 1.0, 0.0);
+            // Nearer to the end of the glass than far places are exact, and all of it at places that exist there.
+            let wire = [(12.0, -0.5), (14.0, -0.5), (13.0, 0.5)];
+            let wire = wire.map(|(nth, z)| center + Vec3::new(nth / 128.0, height, z));
+            let camera = Camera::look_at("eye", Vec3::new(0.0, 0.4, 0.6), Vec3::ZERO, 1.0, 1.0);
+            let stage = Stage::new(camera).surface("wire", &wire, lambert(0.0, 0.0));
+            let pane = block(center, Vec3::new(0.125, 0.03125, 1.0), Quat::IDENTITY);
+            let slabs = Slabs::find(&stage.surface("pane", &pane, glass()).into_scene());
+            assert_eq!(slabs.slabs.len(), 1, "{along}");
+            slabs.slabs[0].is_free
+        };
+        assert!(is_free(0.0, 0.5) && !is_free(0.0, 0.0));
+        assert!(!is_free(1e5, 0.0));
     }
 
     #[test]
