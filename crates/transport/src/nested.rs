@@ -3,15 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::bvh::Ray;
 use crate::prepared::PreparedScene;
-use crate::sampler::Sampler;
-use crate::sheets::is_solid;
-
-/// Triangles of a solid from which it is looked outward.
-const LOOKS: usize = 32;
-/// Pairs that are named.
-const MOST_NAMED: usize = 3;
+use crate::sheets::{LOOKS, is_solid, met_from_within, named};
 
 /// Node and material of a solid.
 type Solid = (u32, u32);
@@ -28,16 +21,12 @@ pub(crate) fn warning(scene: &PreparedScene) -> Option<String> {
     // Copies of a body have one name.
     let pairs: BTreeSet<String> =
         pairs.map(|(inner, outer)| format!("{} within {}", called(scene, inner), called(scene, outer))).collect();
-    let named: Vec<&str> = pairs.iter().take(MOST_NAMED).map(String::as_str).collect();
-    let more = match pairs.len().saturating_sub(MOST_NAMED) {
-        0 => String::new(),
-        n_more => format!(" and {n_more} more"),
-    };
+    let pairs: Vec<String> = pairs.into_iter().collect();
     (!pairs.is_empty()).then(|| {
         format!(
-            "glass lies within glass ({}{more}): each bends light as if it were in air, and behind the inner one the outer one colors it \
-             no more; where that shows, leave a gap of air between them",
-            named.join(", ")
+            "glass lies within glass ({}): each bends light as if it were in air, and behind the inner one the outer one colors it no \
+             more; where that shows, leave a gap of air between them",
+            named(&pairs)
         )
     })
 }
@@ -69,13 +58,8 @@ fn around(scene: &PreparedScene, inner: Solid, triangles: &[u32]) -> Option<Soli
 
 /// The solid that lies before a triangle: a ray straight off its front meets that from within.
 fn outside(scene: &PreparedScene, triangle: u32) -> Option<Solid> {
-    let [a, b, c] = scene.scene.mesh.corners(triangle);
-    let outward = (b - a).cross(c - a).normalize_or_zero();
-    let origin = scene.off_triangle(triangle, (a + b + c) / 3.0, outward);
-    let ray = Ray { origin, direction: outward, t_min: 0.0, t_max: f32::INFINITY };
-    let hit = scene.closest(&ray, &mut Sampler::new(0, u64::from(triangle), 0))?;
-    let is_within = hit.normal.dot(outward) > 0.0 && is_solid(scene.material(hit.triangle));
-    is_within.then(|| solid_of(scene, hit.triangle))
+    let outward = scene.scene.mesh.area_normal(triangle).normalize_or_zero();
+    met_from_within(scene, triangle, outward).map(|hit| solid_of(scene, hit.triangle))
 }
 
 #[cfg(test)]

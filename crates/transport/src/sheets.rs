@@ -3,15 +3,17 @@
 
 use std::collections::BTreeMap;
 
+use glam::Vec3;
+
 use crate::bsdf::is_matched;
 use crate::bvh::Ray;
-use crate::prepared::PreparedScene;
+use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::Material;
 
-/// Triangles of a node from which it is looked for the other side of its glass.
-const LOOKS: usize = 32;
-/// Nodes that are named.
+/// Triangles of a body of glass from which it is looked for other glass.
+pub(crate) const LOOKS: usize = 32;
+/// Names that are told.
 const MOST_NAMED: usize = 3;
 
 /// A sentence that names nodes of which no ray into the glass finds the way out.
@@ -26,19 +28,24 @@ pub(crate) fn warning(scene: &PreparedScene) -> Option<String> {
         let step = triangles.len().div_ceil(LOOKS).max(1);
         !triangles.iter().step_by(step).any(|&triangle| has_other_side(scene, triangle))
     };
-    let open: Vec<u32> = glass.into_iter().filter(|(_, triangles)| is_open(triangles)).map(|(node, _)| node).collect();
-    let named = open.iter().take(MOST_NAMED).map(|&node| format!("`{}`", scene.scene.nodes[node as usize].key()));
-    let named = named.collect::<Vec<_>>().join(", ");
-    let more = match open.len().saturating_sub(MOST_NAMED) {
-        0 => String::new(),
-        n_more => format!(" and {n_more} more"),
-    };
+    let open = glass.into_iter().filter(|(_, triangles)| is_open(triangles));
+    let open: Vec<String> = open.map(|(node, _)| format!("`{}`", scene.scene.nodes[node as usize].key())).collect();
     (!open.is_empty()).then(|| {
         format!(
-            "the glass of {named}{more} has a thickness and an open shape, or faces turned inward: light goes in and never comes out, bent \
-             and colored as by a block; close the shape, turn its faces, or set the thickness to 0"
+            "the glass of {} has a thickness and an open shape, or faces turned inward: light goes in and never comes out, bent and \
+             colored as by a block; close the shape, turn its faces, or set the thickness to 0",
+            named(&open)
         )
     })
+}
+
+/// The first of some names, and how many more there are.
+pub(crate) fn named(names: &[String]) -> String {
+    let first = names[..names.len().min(MOST_NAMED)].join(", ");
+    match names.len().saturating_sub(MOST_NAMED) {
+        0 => first,
+        n_more => format!("{first} and {n_more} more"),
+    }
 }
 
 /// Whether light that passes a surface goes on within a body that changes it.
@@ -49,18 +56,22 @@ pub(crate) fn is_solid(material: &Material) -> bool {
 
 /// Whether a ray straight into the body behind a triangle meets glass from within.
 fn has_other_side(scene: &PreparedScene, triangle: u32) -> bool {
+    let inward = -scene.scene.mesh.area_normal(triangle).normalize_or_zero();
+    met_from_within(scene, triangle, inward).is_some()
+}
+
+/// The glass that a ray off the middle of a triangle, in a direction across it, meets first and from within.
+pub(crate) fn met_from_within(scene: &PreparedScene, triangle: u32, direction: Vec3) -> Option<SurfaceHit> {
     let [a, b, c] = scene.scene.mesh.corners(triangle);
-    let inward = -(b - a).cross(c - a).normalize_or_zero();
-    let origin = scene.off_triangle(triangle, (a + b + c) / 3.0, inward);
-    let ray = Ray { origin, direction: inward, t_min: 0.0, t_max: f32::INFINITY };
-    let hit = scene.closest(&ray, &mut Sampler::new(0, u64::from(triangle), 0));
-    hit.is_some_and(|hit| hit.normal.dot(inward) > 0.0 && is_solid(scene.material(hit.triangle)))
+    let origin = scene.off_triangle(triangle, (a + b + c) / 3.0, direction);
+    let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+    let hit = scene.closest(&ray, &mut Sampler::new(0, u64::from(triangle), 0))?;
+    let is_within = hit.normal.dot(direction) > 0.0 && is_solid(scene.material(hit.triangle));
+    is_within.then_some(hit)
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-
     use super::*;
     use crate::camera::Camera;
     use crate::laws::stage::{Stage, lambert, pane, quad, room};
