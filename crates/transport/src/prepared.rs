@@ -144,8 +144,7 @@ impl PreparedScene {
         let clear_panes: Arc<[bool]> = scene.materials.iter().map(clear).collect();
         let is_solid = |t: &u32| {
             let material = scene.mesh.triangle_material[*t as usize] as usize;
-            let is_opaque = scene.materials[material].alpha == AlphaMode::Opaque;
-            skips.has(Skip::Alpha) && is_opaque && !clear_panes[material]
+            skips.has(Skip::Alpha) && is_never_asked(&scene.materials[material], clear_panes[material])
         };
         let is_unlit = |t: &u32| scene.materials[scene.mesh.triangle_material[*t as usize] as usize].unlit;
         let (unlit, lit): (Vec<u32>, Vec<u32>) = (0..scene.mesh.triangles.len() as u32).partition(is_unlit);
@@ -394,10 +393,8 @@ impl PreparedScene {
         }
         if self.skips.has(Skip::Alpha) {
             spared.opaque_triangles = self.solid.n_triangles() as u32;
-            spared.opaque_share = self.share_of_area(|triangle| {
-                let material = self.material(triangle);
-                material.alpha == AlphaMode::Opaque && !material.unlit && !self.is_clear_pane(triangle)
-            });
+            spared.opaque_share =
+                self.share_of_area(|triangle| is_never_asked(self.material(triangle), self.is_clear_pane(triangle)));
         }
         spared
     }
@@ -561,6 +558,11 @@ impl PreparedScene {
     pub fn diameter(&self) -> f32 {
         self.scene.mesh.bounds().map_or(1.0, |(lo, hi)| (hi - lo).length().max(1e-6))
     }
+}
+
+/// Whether rays that light goes along meet a surface wherever they come to it, and need not ask for its alpha.
+fn is_never_asked(material: &Material, is_clear_pane: bool) -> bool {
+    material.alpha == AlphaMode::Opaque && !material.unlit && !is_clear_pane
 }
 
 /// Barycentric coordinates of all three vertices.
