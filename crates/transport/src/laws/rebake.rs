@@ -128,7 +128,8 @@ fn a_new_lamp_is_traced_alone_and_the_other_columns_stay_to_the_last_bit() {
     assert_eq!(n_traced, 1);
     let skipped = again.figures().skipped;
     assert_eq!(skipped.reused_columns, 19);
-    assert!(skipped.reused_connections_saved >= 19.0 * FILM.n_pixels() as f64, "{skipped:?}");
+    let per_column = skipped.reused_connections_saved / 19.0 / FILM.n_pixels() as f64;
+    assert!((1.0..=32.0).contains(&per_column), "up to 32 samples of a pixel: {skipped:?}");
     assert_eq!(earlier.figures().skipped.reused_connections_saved, 0.0);
     assert_eq!(again.header.column_error.len(), again.header.basis.n_cols(), "errors of old and new columns");
     for key in OLD {

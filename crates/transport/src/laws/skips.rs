@@ -134,7 +134,9 @@ fn a_diffuse_surface_without_its_lobes_scatters_as_with_them() {
     let [a, b] = [&with, &without].map(|scene| traced(scene, 32, 1));
     assert_same_mean(&a, &b, 5e-3, "the picture with all lobes");
     let [saved, none] = [with, without].map(|scene| baked(scene, 4, 20.0).figures().skipped.random_numbers_saved);
-    assert!(saved >= FILM.n_pixels() as f64 && none == 0.0, "{saved}");
+    // Blocks may stop before the last of four samples.
+    let per_pixel = saved / FILM.n_pixels() as f64;
+    assert!((1.0..=4.0).contains(&per_pixel) && none == 0.0, "{per_pixel}");
 }
 
 #[test]
@@ -156,7 +158,8 @@ fn opaque_surfaces_are_there_whether_or_not_they_are_asked() {
     assert!(differing * 50 < a.len(), "{differing} of {} pixels differ", a.len());
     assert_same_mean(&a, &b, 5e-3, "the picture with alpha asked everywhere");
     let [saved, none] = [with, without].map(|scene| baked(scene, 4, 20.0).figures().skipped.alpha_tests_saved);
-    assert!(saved >= 0.9 * FILM.n_pixels() as f64 && none == 0.0, "{saved}");
+    let most = (4.0 * FILM.n_pixels() as f64 * f64::from(share)).round();
+    assert!((0.9 * FILM.n_pixels() as f64..=most).contains(&saved) && none == 0.0, "{saved}, {most} at most");
 }
 
 /// A closed room, turned so that no wall lies along an axis, with a lamp in it.
