@@ -147,7 +147,8 @@ fn of_light(prepared: &PreparedScene, maps: &BTreeMap<u32, u64>, source: usize) 
                 PunctualLight { node: 0, profile: None, color: glam::Vec3::ONE, intensity: 1.0, ..light.clone() };
             format!("{white:?} {profile:?}")
         }
-        // Where the triangles lie, the surfaces tell. Another strength moves the last digits of the shares.
+        // Where the triangles lie, the surfaces tell. Those that walls shut out light nothing, wherever they lie. Another strength moves
+        // the last digits of the shares.
         Emitter::Surface(surface) => {
             let triangle = |t: &ShiningTriangle| format!("{} {:.5} {}", t.triangle, t.white(), texture(t.triangle));
             surface.triangles.iter().map(triangle).collect::<Vec<_>>().join(" ")

@@ -20,7 +20,8 @@ use crate::path::{Integrator, NoLights};
 pub(super) const PATCH_TOLERANCE_DB: f32 = 30.0;
 /// What arrives over what is seen, squared: 2π where half of the light comes back.
 const ARRIVING: f32 = 39.5;
-/// Samples of each half before the first look at the tolerance.
+/// Samples of each half before the first look at the tolerance: a look decomposes 768 rows of some 500 columns twice, which costs more
+/// than four samples save.
 const FIRST_LOOK: u32 = 8;
 
 impl BakeJob {

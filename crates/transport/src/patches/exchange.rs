@@ -56,8 +56,8 @@ impl Row {
         self.straight.clear();
     }
 
-    /// Divides all by a number of walks, and joins what came of the same patch.
-    pub fn finish(&mut self, walks: f32) {
+    /// Divides all by a number, that of walks for one, and joins what came of the same patch.
+    pub fn finish(&mut self, divisor: f32) {
         for shares in [&mut self.known, &mut self.straight] {
             shares.sort_by_key(|share| share.patch);
             shares.dedup_by(|next, kept| {
@@ -67,7 +67,7 @@ impl Row {
                 }
                 same
             });
-            shares.iter_mut().for_each(|share| share.weight /= walks);
+            shares.iter_mut().for_each(|share| share.weight /= divisor);
         }
     }
 }

@@ -22,8 +22,8 @@ use crate::path::{Integrator, NoLights, Onward};
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 
-/// Light on patches, for each column: numbers of eight bits, whose rounding is 60 dB below the light and of another sign from patch
-/// to patch. The table is read from far away, a row of it for each walk.
+/// Light on patches, for each column: numbers of eight significant bits, whose rounding is 56 dB below the light and of another sign
+/// from patch to patch. The table is read from far away, a row of it for each walk.
 #[derive(Debug)]
 pub(crate) struct Table {
     pub n_columns: usize,

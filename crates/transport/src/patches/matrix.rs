@@ -80,7 +80,7 @@ impl PatchMatrix<'_> {
 
     /// What the sums of shares are divided by: irradiance over π is radiance, and what arrives is π times the mean over walks
     /// whose density has the cosine.
-    fn walks(&self) -> f32 {
+    fn divisor(&self) -> f32 {
         if self.irradiance.is_none() { PI } else { SPLITS as f32 }
     }
 }
@@ -144,7 +144,7 @@ impl SampledMatrix for PatchMatrix<'_> {
             for sample in samples.clone() {
                 self.take_sample(pixel, Sampler::new(self.seed, stream, sample), &mut row);
             }
-            row.finish(self.walks());
+            row.finish(self.divisor());
             self.table.add(&row, out);
         }
     }

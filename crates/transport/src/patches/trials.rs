@@ -91,7 +91,7 @@ fn along_a_curve(trials: &[Trial]) -> Vec<usize> {
         _ => (false, along((trial.position - low) / side)),
     };
     let mut order: Vec<usize> = (0..trials.len()).collect();
-    order.sort_by_key(|&nth| key(&trials[nth]));
+    order.sort_by_cached_key(|&nth| key(&trials[nth]));
     order
 }
 
