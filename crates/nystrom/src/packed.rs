@@ -36,7 +36,7 @@ use self::{
     bytes::TOO_LARGE,
     coder::{Counter, Decoder, Encoder},
     kept::{Kept, product_with},
-    layout::Layout,
+    layout::{Layout, border_weight},
     orthogonal::{both, energy, squared_difference},
     quantize::{Coefficients, Rounded, quarters_between, restore, step_of},
     tables::Tables,
@@ -238,7 +238,8 @@ impl<'a> Packer<'a> {
 
     fn unrounded(&self, block_idx: usize) -> Option<Unrounded<'a>> {
         let factors = self.matrix.blocks[block_idx].as_deref()?;
-        let coefficients = Coefficients::new(factors, block_idx, self.layout);
+        let weight = border_weight(self.plan.allowed, self.plan.strong);
+        let coefficients = Coefficients::new(factors, block_idx, self.layout, weight);
         let (left, right) = both(factors);
         let kept = product_with(&left.data, &right.data, left.n_cols, &self.direction, left.n_rows);
         let own_error = f64::from(factors.error.truncation.max(0.0) + factors.error.sampling.max(0.0));

@@ -15,8 +15,23 @@ struct Border {
 /// Errors of two blocks know nothing of each other, so that they differ more across a border than within. So rows there are
 /// stored more finely: a part of the format.
 const STORED: Border = Border { weight: 0.5, reach: 2.0 };
-/// The same where components are found and chosen: a reader does not need to know.
-const CHOSEN: Border = Border { weight: 1.7, reach: 0.7 };
+/// The same where components are found and chosen, at 40 dB and finer: a reader does not need to know.
+const CHOSEN: Border = Border { weight: 1.7, reach: 0.6 };
+/// What is allowed at 40 dB, over the root mean square from which on it is taken as it is. Where more is, borders count more: few components
+/// leave out more that differs across a border.
+const FINE: f64 = 0.04;
+/// With which power, and up to which weight: beyond it the rank grows, and steps hardly fall.
+const COARSENESS: f64 = 1.5;
+const MOST_CHOSEN: f64 = 6.0;
+
+/// How much more rows at a border count where components are chosen, by the mean square error that is allowed and the root mean square
+/// from which on that is taken as it is (0 where there is none).
+pub(super) fn border_weight(allowed: f32, strong: f32) -> f32 {
+    let coarse = f64::from(allowed).max(0.0).sqrt() / (FINE * f64::from(strong));
+    let weight =
+        f64::from(CHOSEN.weight) * coarse.max(1.0).powf(COARSENESS).min(MOST_CHOSEN / f64::from(CHOSEN.weight));
+    if strong > 0.0 { weight as f32 } else { CHOSEN.weight }
+}
 
 /// Columns that follow each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,9 +121,9 @@ impl Layout {
         self.weights(block_idx, STORED)
     }
 
-    /// How much an error counts in each row where the components of a block are found and chosen.
-    pub(super) fn choice_weights(&self, block_idx: usize) -> Vec<f32> {
-        self.weights(block_idx, CHOSEN)
+    /// How much an error counts in each row where the components of a block are found and chosen, at a [`border_weight`].
+    pub(super) fn choice_weights(&self, block_idx: usize, weight: f32) -> Vec<f32> {
+        self.weights(block_idx, Border { weight, ..CHOSEN })
     }
 
     #[expect(clippy::arithmetic_side_effects, reason = "`Layout::is_sound` holds of everything that is read")]
@@ -182,5 +197,15 @@ mod tests {
         let layout = Layout::new(Partition { width: 4, height: 2, tile: 4 }, 3, vec![ColumnRun::List(1)]);
         let planes = layout.rows_forward(&[1.0; 24], 0);
         assert!((planes[0] - 24f32.sqrt()).abs() < 1e-5 && planes[1..].iter().all(|x| x.abs() < 1e-5));
+    }
+
+    #[test]
+    fn borders_count_more_the_more_is_allowed_and_alike_at_every_scale() {
+        let weight = |db: f32, scale: f32| border_weight(10f32.powf(-0.1 * db) * scale * scale, 0.25 * scale);
+        for (db, want) in [(60.0, 1.7), (40.0, 1.7), (35.0, 4.0), (30.0, 6.0), (10.0, 6.0)] {
+            assert!((weight(db, 1.0) - want).abs() < 0.05, "{db} dB: {}", weight(db, 1.0));
+            assert_eq!([2f32.powi(20), 2f32.powi(-20)].map(|scale| weight(db, scale)), [weight(db, 1.0); 2]);
+        }
+        assert_eq!(border_weight(1.0, 0.0), CHOSEN.weight);
     }
 }

@@ -82,8 +82,9 @@ pub(super) fn quarters_between(step: f32, other: f64) -> i32 {
 }
 
 impl Coefficients {
-    pub(super) fn new(factors: &BlockFactors, block_idx: usize, layout: &Layout) -> Self {
-        let (chosen, stored) = (layout.choice_weights(block_idx), layout.row_weights(block_idx));
+    /// `border_weight` is that of [`border_weight`](super::layout::border_weight).
+    pub(super) fn new(factors: &BlockFactors, block_idx: usize, layout: &Layout, border_weight: f32) -> Self {
+        let (chosen, stored) = (layout.choice_weights(block_idx, border_weight), layout.row_weights(block_idx));
         let orthogonal = Orthogonal::new(factors, &chosen);
         let component = |(i, &worth): (usize, &f64)| {
             let mut right = orthogonal.right.row(i).to_vec();
