@@ -1,4 +1,4 @@
-//! The ratio at a tolerance: blocks of the scenes of the method's evaluation with as many samples as it takes.
+//! The ratio at a tolerance: blocks of the scenes of the method's evaluation, with as many samples as some minutes allow.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use clerestory_transport::camera::Film;
 use serde::{Deserialize, Serialize};
 
 use super::traced::{Asked, Found, HEAD, Limits, MOST_RANK, RIVAL_RANK, Row, Singular, Traced, rows, with_matrix};
-use super::{Goals, RCONDS, Told};
+use super::{Goals, RCONDS, SLACK_DB, Told};
 use crate::desk::Desk;
 use crate::fit::wholes;
 use crate::methods::dense::TILE;
@@ -65,7 +65,7 @@ pub(super) fn write(desk: &Desk) -> Result<Told> {
         "\n### Ratios at {TOLERANCE_DB} dB\n\n\
          Every {STEP}th block of {} × {} pixels, {n_blocks} of them all over the picture, {} columns, traced as a bake traces them, with twice as many samples again and again until both halves call\n\
          each other's enough for {TOLERANCE_DB} dB, at most {} per pixel, and no more once half of {} s is over. All methods get the same samples, and are packed as a bake is; the noise of neighbors is not\n\
-         taken out. Errors as both halves tell them, of ours and of others alike; the ratio is that of a whole picture of such blocks, what a file has once counted whole (its header aside). `svd` is the best there is\n\
+         taken out. Errors as both halves tell them, of ours and of others alike; the ratio is that of a whole picture of such blocks, what a file has once counted whole (its header aside); it is tested where no more than {SLACK_DB} dB are lacking. `svd` is the best there is\n\
          at equal rank of what was sampled: like the others it knows no noise from signal. Algorithm 4 has that threshold of {} that suits it best; ranks of it and of `row-id` end at {RIVAL_RANK}, as in bakes. Median (least…greatest)\n\
          of the seeds {} of the walks where more than one is told with ours, else of k-means.\n\n\
          | scene | {HEAD}|---|---|---|---|---|---|---|---|---|\n",
@@ -162,9 +162,9 @@ pub fn words(found: &Found) -> String {
     format!("{:.0}× at {:.1} dB", found.ratio, found.db)
 }
 
-/// Whether a ratio is kept, if it is one at the tolerance.
+/// Whether a ratio is kept, if it is one at the tolerance, as nearly as counts for all methods.
 pub fn verdict(found: &Found, aim: f64, tolerance_db: f64) -> String {
-    if found.db < tolerance_db {
+    if found.db < tolerance_db - SLACK_DB {
         return "not tested: short of the dB".into();
     }
     if found.ratio >= aim { "kept".into() } else { "**missed**".into() }
@@ -204,11 +204,11 @@ mod tests {
             OfScene { name: name.into(), n_blocks: 1, n_open: 0, most_spp: 64, spp: [vec![32.0], vec![64.0]], rows }
         };
         let goals =
-            goals(&[scene("diffuse", 290.0, 40.1), scene("caustics", 900.0, 39.9), scene("mixed", 250.0, 40.0)]);
+            goals(&[scene("diffuse", 290.0, 40.1), scene("caustics", 900.0, 39.4), scene("mixed", 250.0, 39.5)]);
         let told: Vec<[&str; 3]> = goals.rows.iter().map(|row| [1, 2, 3].map(|cell| row[cell].as_str())).collect();
         assert_eq!(told[0], ["≥ 300×", "290× at 40.1 dB", "**missed**"]);
-        assert_eq!(told[1], ["≥ 300×", "900× at 39.9 dB", "not tested: short of the dB"]);
-        assert_eq!(told[2], ["≥ 200×", "250× at 40.0 dB", "kept"]);
-        assert_eq!(goals.rows[2][4], "`svd` 250× at 40.0 dB");
+        assert_eq!(told[1], ["≥ 300×", "900× at 39.4 dB", "not tested: short of the dB"]);
+        assert_eq!(told[2], ["≥ 200×", "250× at 39.5 dB", "kept"]);
+        assert_eq!(goals.rows[2][4], "`svd` 250× at 39.5 dB");
     }
 }
