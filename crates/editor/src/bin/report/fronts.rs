@@ -149,8 +149,12 @@ fn measured(desk: &Desk, name: &str, picture: Picture) -> Result<Vec<Point>> {
     }
     let subject = Subject::new(picture, None);
     let mut pack = |method: Method, name: String, tolerance: f64| -> Result<()> {
-        // What has no answer is no point.
-        let Ok(coded) = subject.coded(method, tolerance) else { return Ok(()) };
+        let coded = match subject.coded(method, tolerance) {
+            Ok(coded) => coded,
+            Err(error) if method == Method::Projected => return Err(error),
+            // What has no answer is no point.
+            Err(_) => return Ok(()),
+        };
         let point = Point {
             name,
             at: format!("{tolerance:.0} dB"),

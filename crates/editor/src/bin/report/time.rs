@@ -231,7 +231,7 @@ fn opening(section: &str) -> String {
     format!(
         "CPU seconds (user and system), without loading the scene and building its hierarchy, against the error in dB, of six ways. Ours by\n\
          default: what `clerestory bake` makes with growing numbers of samples (`--spp`) and no other option, so that its light is traced and\n\
-         denoised and blocks are done at 40 dB; with {default} samples, where these do not take too long, it is the bake that nothing is said of.\n\
+         denoised and blocks are done at {asked_db} dB; with {default} samples, where these do not take too long, it is the bake that nothing is said of.\n\
          Ours with indirect light shared, as with `--fast`, and traced but not denoised, as with `--no-denoise`, both taking all samples. The very\n\
          samples of the latter without compression: the full matrix. A path-traced render per light, all of them. And one render of the look in\n\
          question, which no light can be changed in afterwards. The first point of ours is the preview; its seconds are not among those of the\n\
@@ -246,6 +246,7 @@ fn opening(section: &str) -> String {
          Of each number of samples all ways are measured one after the other; further points of shared light or of light that is not denoised,\n\
          whichever is ahead, come last. Seed 1, of a render per light another one for each; how far repeats lie apart is told below. The\n\
          references have seeds of their own. ",
+        asked_db = BakeConfig::default().tolerance_db,
         default = BakeConfig::default().spp,
         some = runs::SOME,
     )

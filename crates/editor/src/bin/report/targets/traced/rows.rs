@@ -128,14 +128,22 @@ pub struct Asked<'a> {
 }
 
 /// A row of ours, of the best there is, of Algorithm 4 with the threshold that suits it best, and of the others; and that threshold.
-pub fn rows(desk: &Desk, (name, traced): (&str, &Traced), singular: &Singular, asked: &Asked<'_>) -> (Vec<Row>, f64) {
+///
+/// # Errors
+/// If ours finds no factors.
+pub fn rows(
+    desk: &Desk,
+    (name, traced): (&str, &Traced),
+    singular: &Singular,
+    asked: &Asked<'_>,
+) -> Result<(Vec<Row>, f64)> {
     let (tolerance_db, first, rival_rank) = (asked.tolerance_db, asked.seeds[0], asked.rival_rank);
     let say = |method: Method| desk.say(&format!("{method} on traced blocks of {name} at {tolerance_db} dB"));
     say(Method::Projected);
-    let ours = traced.found((Method::Projected, first), MOST_RANK, tolerance_db);
+    let ours = traced.found((Method::Projected, first), MOST_RANK, tolerance_db)?;
     say(Method::Svd);
     let mut rows =
-        vec![Row::new(Method::Projected, [ours]), Row::new(Method::Svd, [singular.found(traced, tolerance_db)])];
+        vec![Row::new(Method::Projected, [Ok(ours)]), Row::new(Method::Svd, [singular.found(traced, tolerance_db)])];
     let fourth = |rcond: f64, seeds: &[u64]| {
         let method = Method::Alg4(Core::PseudoInverse { rcond });
         say(method);
@@ -152,7 +160,7 @@ pub fn rows(desk: &Desk, (name, traced): (&str, &Traced), singular: &Singular, a
         say(method);
         rows.push(Row::new(method, [traced.found((method, first), rival_rank, tolerance_db)]));
     }
-    (rows, rcond)
+    Ok((rows, rcond))
 }
 
 /// Head of a table of rows, behind the cells that come first.
