@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::desk::Desk;
-use super::fit::{secs_between, secs_words, spread_words, tenths};
+use super::fit::{secs_between, secs_words, spread_words, tenths, to_tenths};
 use super::goal::gains_words;
 use super::plot::{Axis, Panel, Scale, Series};
 
@@ -218,7 +218,7 @@ fn measured(desk: &Desk, (section, of): (&str, &str), subjects: Vec<Subject>) ->
     }
     text += &ends(&scenes, |subject| runs::reference_spp(desk, subject), of);
     text += &repeats(&scenes, of);
-    text += &beside_samples(scenes.iter().map(|(subject, measured)| (subject.name, measured.points.as_slice())));
+    text += &beside_samples(scenes.iter().map(|(subject, measured)| (subject.name, measured)));
     text += &pays::table(&scenes, of);
     Ok(text)
 }
@@ -404,26 +404,29 @@ fn repeats(scenes: &[(Subject, Measured)], of: &str) -> String {
     text
 }
 
-/// How much nearer to the truth ours is than the samples that it is made of, in dB.
-fn beside_samples<'a>(scenes: impl Iterator<Item = (&'a str, &'a [Point])>) -> String {
+/// How much nearer to the truth ours is than the samples that it is made of, in dB, where the reference can tell.
+fn beside_samples<'a>(scenes: impl Iterator<Item = (&'a str, &'a Measured)>) -> String {
     let mut gains: [Vec<(String, f64)>; 2] = Default::default();
-    for (name, points) in scenes {
+    for (name, measured) in scenes {
+        let points = measured.points.as_slice();
         let of = |way: Way| points.iter().filter(move |point| point.way == way);
         let pairs = of(Way::Exact).flat_map(|ours| of(Way::Dense).map(move |dense| (ours, dense)));
         for (ours, dense) in pairs.filter(|(ours, dense)| (ours.spp, ours.seed) == (dense.spp, dense.seed)) {
             let row = format!("`{name}`, {} samples, seed {}", ours.spp.unwrap_or(0), ours.seed);
             for (gains, class) in gains.iter_mut().zip([0, 2]) {
-                let gain = ours.db[class].zip(dense.db[class]).map(|(ours, dense)| ours - dense);
-                gains.extend(gain.map(|gain| (row.clone(), gain)));
+                let told = ours.db[class].zip(dense.db[class]);
+                let told = told.filter(|(ours, dense)| measured.ends[class].is_none_or(|end| ours.min(*dense) < end));
+                gains.extend(told.map(|(ours, dense)| (row.clone(), to_tenths(ours - dense))));
             }
         }
     }
     let [single, all] = gains.map(|gains| {
-        let spread = tenths(gains.iter().map(|(_, gain)| *gain).collect());
-        format!("{spread}, {}", gains_words(&gains))
+        let all: Vec<f64> = gains.iter().map(|(_, gain)| *gain).collect();
+        let spread = if all.is_empty() { String::new() } else { tenths(all) + ", " };
+        spread + &gains_words(&gains)
     });
     format!(
-        "\nBeside the very samples that it is made of, ours with traced light, not denoised, has so many dB more, median (least…greatest) over all scenes, samples and seeds, and aimed at is never less: of single lights {single}; of all lights of the file {all}. \
+        "\nBeside the very samples that it is made of, ours with traced light, not denoised, has so many dB more, median (least…greatest) over all scenes, samples and seeds but those with which both are beyond where the reference ends, and aimed at is never less: of single lights {single}; of all lights of the file {all}. \
          What keeps it from less, and why it is not certain, stands in [decision 0041](decisions/0041-no-block-is-worse-than-its-samples.md) and [decision 0051](decisions/0051-noisy-columns-are-divided-first.md).\n"
     )
 }
@@ -479,9 +482,16 @@ mod tests {
         let mut points = vec![point(Way::Fast, 1.0, 20.0)];
         points.extend([Point { db: [Some(20.0), None, Some(30.0)], ..point(Way::Exact, 9.0, 0.0) }]);
         points.extend([Point { db: [Some(19.5), None, Some(30.5)], ..point(Way::Dense, 8.0, 0.0) }]);
-        let words = beside_samples([("hall", points.as_slice())].into_iter());
+        let told = |ends: [Option<f64>; 3]| {
+            let measured = Measured { n_cols: 1, points: points.clone(), ends };
+            beside_samples([("hall", &measured)].into_iter())
+        };
+        let words = told([None; 3]);
         assert!(words.contains("of single lights 0.5, kept: +0.5 dB at worst (`hall`, 4 samples, seed 1);"), "{words}");
         assert!(words.contains("of the file -0.5, missed: -0.5 dB at worst (`hall`, 4 samples, seed 1)."), "{words}");
+        let words = told([Some(20.0), None, Some(29.0)]);
+        assert!(words.contains("of single lights 0.5, kept"), "one of both is farther than the reference: {words}");
+        assert!(words.contains("of the file nothing to tell."), "both are as near as the reference: {words}");
     }
 
     #[test]
