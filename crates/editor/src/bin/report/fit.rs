@@ -103,6 +103,11 @@ pub fn cpu_words(values: Vec<f64>) -> String {
     })
 }
 
+/// Seeds in words.
+pub fn listed(seeds: &[u64]) -> String {
+    seeds.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")
+}
+
 fn spread_told(values: Vec<f64>, tell: fn(f64) -> String) -> String {
     let n = values.len();
     let [least, median, greatest] = spread(&values).map(tell);

@@ -19,7 +19,7 @@ use clerestory_transport::skips::{Skip, Skips};
 use clerestory_transport::sky::{Environment, SkyForm, SkyLight};
 
 use super::desk::Desk;
-use super::fit::{cpu_words, hundredths, spread_words, tenths, tenths_known};
+use super::fit::{cpu_words, hundredths, listed, spread_words, tenths, tenths_known};
 use super::matrix::process_cpu_secs;
 use super::reference::{Reference, Sampling};
 use super::rendered::as_in_file;
@@ -160,7 +160,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          against time, beside two references of {reference_spp} samples per pixel each, of pixels that are {step} apart, for which no work was left out. {}\n{tables}",
         usual.tolerance_db,
         usual.spp,
-        seeds(desk).iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
+        listed(seeds(desk)),
         desk.load_words(),
     ))
 }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::traced::{Asked, Found, HEAD, Limits, MOST_RANK, RIVAL_RANK, Row, Singular, Traced, rows, with_matrix};
 use super::{Goals, RCONDS, SLACK_DB, Told};
 use crate::desk::Desk;
-use crate::fit::wholes;
+use crate::fit::{listed, wholes};
 use crate::methods::dense::TILE;
 
 pub const FILM: Film = Film { width: 512, height: 384 };
@@ -76,7 +76,7 @@ pub(super) fn write(desk: &Desk) -> Result<Told> {
         2 * desk.choose(MOST[0], MOST[1]),
         desk.choose(SECS[0], SECS[1]),
         RCONDS.map(|rcond| rcond.to_string()).join(", "),
-        SEEDS.iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
+        listed(SEEDS),
     );
     for scene in &scenes {
         let row = |row: &Row| format!("| {} | {}", scene.name, row.cells(scene.n_blocks, TOLERANCE_DB));

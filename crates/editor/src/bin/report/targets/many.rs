@@ -11,6 +11,7 @@ use super::coded::{Coded, Subject};
 use super::traced::{Asked, Found, HEAD, Limits, MOST_RANK, RIVAL_RANK, Row, Singular, Traced, rows, with_matrix};
 use super::{Goals, RCONDS, Told, cells, soft};
 use crate::desk::Desk;
+use crate::fit::listed;
 use crate::methods::dense::TILE;
 
 /// Tolerances in dB: the ratio is aimed at with the first, multiply-adds with the second.
@@ -82,7 +83,7 @@ pub(super) fn sharp(desk: &Desk) -> Result<Told> {
         traced.blocks.len(),
         FILM.width,
         FILM.height,
-        SEEDS.iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
+        listed(SEEDS),
         found_within_db(desk),
         claimed_rows(&claimed),
     );

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use super::judged::{Judged, decibels};
 use super::{Goals, Told};
 use crate::desk::Desk;
-use crate::fit::{hundredths, median, tenths_known};
-use crate::matrix::baked;
+use crate::fit::{hundredths, listed, median, tenths_known};
+use crate::matrix::{NO_TOLERANCE_DB, baked};
 use crate::methods::dense::Picture;
 use crate::methods::own;
 use crate::paper;
@@ -21,8 +21,6 @@ const SCENES: [&str; 4] = ["diffuse", "reflections", "caustics", "mixed"];
 /// Samples per pixel at most, and what is asked for in dB; all samples are taken where nothing is.
 type Way = (u32, Option<f32>);
 const WAYS: [Way; 2] = [(16, None), (64, Some(35.0))];
-/// Out of reach: every block takes all its samples.
-const NO_TOLERANCE_DB: f32 = 80.0;
 /// Of bakes; the references, which are those of the section Noise, have the one before. In a hurry the first alone.
 const SEEDS: &[u64] = &[paper::SEED + 1, paper::SEED + 2, paper::SEED + 3];
 /// Share of the blocks that should tell their error, in percent, and what steps at borders may be of those within.
@@ -70,7 +68,7 @@ pub(super) fn write(desk: &Desk) -> Result<Told> {
          | scene | samples | asked for | dB | told | hidden | seams |\n|---|---|---|---|---|---|---|\n{rows}",
         film.width,
         film.height,
-        seeds(desk).iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
+        listed(seeds(desk)),
         paper::SEED,
     );
     Ok((text, goals))
