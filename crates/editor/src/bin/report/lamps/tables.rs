@@ -141,7 +141,7 @@ impl Told {
             ({spp} samples per pixel, or as many as the table tells, seed 0; traced and live pictures have seeds 1 to 4), plus the lamp's live light (direct light at what is seen and at what narrow lobes show there), plus what the patches make of its \
             irradiance. Two independent ones are held against two independent traced pictures of {} samples per pixel; the live light has as many. \
             L2 is the root of the summed products of both differences, over that of the indirect light: noise of live and of traced light is no error, \
-            noise of the bake is. *Without worst* leaves out the {:.1} % of the pixels with the greatest errors, which are chosen by what is measured, \
+            noise of the bake is; products are told as no less than their standard error over the pixels, those of PSNR, too. *Without worst* leaves out the {:.1} % of the pixels with the greatest errors, which are chosen by what is measured, \
             noise included. *Noise* is that of the mean of both traced pictures without direct light. A place where it is more than half \
             of the indirect light tells nothing, and the next number draws another one instead, {MOST_REDRAWN} times a scene at most: *drowned* counts these places. Medians, and the worst in brackets. Energy is the sum of the indirect light over that of the \
             reference. PSNR is that of the whole picture, its peak the 99.5 percentile. *Held out* is by how much columns differ from patches \
