@@ -15,7 +15,7 @@ pub fn in_words(error: &Error) -> String {
 }
 
 /// That a share of a lamp's light meets mirrors and clear glass, which throw it on unseen; `key` is the lamp's.
-pub fn caustics_words(key: &str, share: f32) -> String {
+fn caustics_words(key: &str, share: f32) -> String {
     format!(
         "`{key}` sends {:.0} % of its light onto mirrors and clear glass, whose caustics are not carried",
         100.0 * share
@@ -23,7 +23,7 @@ pub fn caustics_words(key: &str, share: f32) -> String {
 }
 
 /// That a share of a lamp's light is missing which panes and coats mirror; `key` is the lamp's.
-pub fn mirrored_words(key: &str, share: f32) -> String {
+fn mirrored_words(key: &str, share: f32) -> String {
     format!(
         "panes of glass and smooth coats mirror {:.0} % of the light of `{key}` onto other surfaces, which is missing",
         100.0 * share

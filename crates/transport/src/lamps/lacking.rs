@@ -4,7 +4,7 @@
 use super::PreparedLamps;
 use super::light::Form;
 use super::prepared::PreparedLamp;
-use crate::bsdf::{Bsdf, is_mirror};
+use crate::bsdf::{Bsdf, SurfaceParams, is_mirror};
 use crate::bvh::Ray;
 use crate::prepared::{PreparedScene, SurfaceHit, next_after};
 use crate::sampler::Sampler;
@@ -17,7 +17,7 @@ const MOST_SURFACES: u32 = 16;
 /// About which shares of a lamp's light surfaces throw on in ways that are not carried; 0 where that is no more than a little.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lacking {
-    /// Meets mirrors and clear bodies, see [`Material::casts_caustics`].
+    /// Meets mirrors and clear bodies, see [`Material::casts_caustics`], as smooth as their textures leave them.
     pub caustic: f32,
     /// Panes of glass, thin and solid, and smooth coats mirror it onto other surfaces.
     pub mirrored: f32,
@@ -74,9 +74,9 @@ fn lacking_along(scene: &PreparedScene, mut ray: Ray, sampler: &mut Sampler) -> 
         let Some(hit) = scene.closest(&ray, sampler) else { return (nth > 0).then_some(lacking) };
         let out = scene.slabs.behind(hit.triangle, hit.position, ray.direction);
         let looks = scene.appearance(&hit);
-        if out.is_none() && scene.material(hit.triangle).casts_caustics() {
-            let (metal, glass) = (looks.params.metallic, looks.params.transmission);
-            lacking.caustic = passing * (metal + (1.0 - metal) * glass);
+        let turned = turned_share(scene.material(hit.triangle), &looks.params);
+        if out.is_none() && turned > 0.0 {
+            lacking.caustic = passing * turned;
             break;
         }
         let bsdf = scene.bsdf_of(&hit, &looks, -ray.direction);
@@ -101,6 +101,15 @@ fn lacking_along(scene: &PreparedScene, mut ray: Ray, sampler: &mut Sampler) -> 
         }
     }
     Some(lacking)
+}
+
+/// Share of light that smooth metal and clear bodies send another way than it came, at a point that is so by its textures.
+fn turned_share(material: &Material, params: &SurfaceParams) -> f32 {
+    if !material.turns_light() || !is_mirror(params.roughness) {
+        return 0.0;
+    }
+    let glass = if material.is_clear_by(|| params.roughness) { 0.0 } else { params.transmission };
+    params.metallic + (1.0 - params.metallic) * glass
 }
 
 /// Share of light that a surface mirrors, and the part of it that meets another one.

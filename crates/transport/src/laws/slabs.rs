@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{Quat, Vec3, Vec4};
+use glam::{Quat, Vec2, Vec3, Vec4};
 
 use super::stage::{Stage, lambert, pane, quad, room, textured, tint};
 use super::walks::{Even, Mean, Walks, assert_same_mean, file_light};
@@ -323,6 +323,28 @@ fn what_mirrors_and_clear_bodies_get_of_a_lamps_light_is_told() {
 }
 
 #[test]
+fn textures_tell_whether_a_surface_throws_a_lamps_light_on_or_mirrors_a_part() {
+    let ground = quad(Vec3::new(-10.0, 0.0, -10.0), Vec3::Z * 20.0, Vec3::X * 20.0);
+    let above = quad(Vec3::new(-1.0, 2.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0);
+    let told = |material: Material, [roughness, metallic]: [u8; 2]| {
+        let material = Material { metallic_roughness_texture: textured(Encoding::Linear), ..material };
+        let stage = floor(lambert(ALBEDO, 0.0)).surface("ground", &ground, lambert(ALBEDO, 0.0));
+        let stage = stage.surface("above", &above, material);
+        let stage = stage.with_texture([[0, roughness, metallic, 255]; 4], |_| Vec2::ZERO);
+        let spot = LampShape::Spot { inner_rad: 0.1, outer_rad: 0.1 };
+        lacking(FreeLamp { position: Vec3::Y, aim: Vec3::Y * 2.0, ..lamp(spot) }, stage)
+    };
+    let metal = |roughness| Material { metallic: 1.0, roughness, ..Material::default() };
+    let found = told(metal(1.0), [0, 255]);
+    assert!((found.caustic - 1.0).abs() < 1e-3 && found.mirrored == 0.0, "{found:?} of metal that is smooth there");
+    assert_eq!(told(metal(1.0), [255, 255]), Lacking::default(), "rough metal");
+    for material in [metal(0.0), Material { roughness: 1.0, ..pane() }] {
+        let found = told(material.clone(), [0, 0]);
+        assert!(found.caustic == 0.0 && (found.mirrored - 0.04).abs() < 2e-3, "{found:?} of {material:?}");
+    }
+}
+
+#[test]
 fn what_a_window_mirrors_of_parallel_light_onto_the_ground_is_told() {
     let ground = quad(Vec3::new(-10.0, 0.0, -10.0), Vec3::Z * 20.0, Vec3::X * 20.0);
     let window = quad(Vec3::new(0.0, 0.0, -10.0), Vec3::Y * 10.0, Vec3::Z * 20.0);
@@ -412,7 +434,7 @@ fn glass_hides_lamps_whatever_else_is_on_it() {
     let water = quad(Vec3::new(-1.0, 1.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0);
     let hidden = |material: Material, green: u8| {
         let stage = floor(lambert(ALBEDO, 0.0)).surface("water", &water, material);
-        let stage = stage.with_texture([[128, green, 255, 255]; 4], |_| glam::Vec2::ZERO);
+        let stage = stage.with_texture([[128, green, 255, 255]; 4], |_| Vec2::ZERO);
         hidden::warnings(&stage.lamp("bulb", Vec3::Y * 2.0, 1.0).prepared())
     };
     let waves = Material { normal_texture: textured(Encoding::Linear), ..glass() };

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::desk::Desk;
 use super::errors::{Sum, decibels, quantile};
-use super::fit::{hundredths, median, tenths, tenths_known};
+use super::fit::{hundredths, listed, median, tenths, tenths_known};
 use super::methods::dense::Picture;
 use super::methods::own;
 use super::reference::Sampling;
@@ -134,7 +134,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         film.height,
         2 * spp,
         2 * reference_spp,
-        seeds.iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
+        listed(seeds),
         desk.load_words(),
     ))
 }

@@ -38,6 +38,13 @@ impl Sum {
         self.n += 1.0;
     }
 
+    /// One more for each pixel, the mean of what its three channels have: these are not independent of each other, pixels are.
+    pub fn of_pixels(n_entries: usize, value: impl Fn(usize) -> f64) -> Sum {
+        let mut sum = Sum::default();
+        (0..n_entries / 3).for_each(|pixel| sum.add((3 * pixel..3 * pixel + 3).map(&value).sum::<f64>() / 3.0));
+        sum
+    }
+
     /// The mean, or its standard error where that is greater: what is known of something that is not negative, but that its estimates
     /// scatter around.
     pub fn mean_at_least_known(&self) -> f64 {

@@ -57,6 +57,12 @@ pub fn median(values: &[f64]) -> Option<f64> {
     Some(0.5 * (lower + upper))
 }
 
+/// To a tenth, as dB are told; what is less than half of one is nothing, without a sign.
+pub fn to_tenths(db: f64) -> f64 {
+    let tenths = (10.0 * db).round();
+    if tenths == 0.0 { 0.0 } else { tenths / 10.0 }
+}
+
 /// Least, median and greatest of some repeats; none is a number of nothing.
 pub fn spread(values: &[f64]) -> [f64; 3] {
     let ends = [f64::min, f64::max].map(|end| values.iter().copied().fold(f64::NAN, end));
@@ -95,6 +101,11 @@ pub fn cpu_words(values: Vec<f64>) -> String {
         secs if secs < 1.0 => format!("{secs:.2}"),
         secs => digits(secs),
     })
+}
+
+/// Seeds in words.
+pub fn listed(seeds: &[u64]) -> String {
+    seeds.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")
 }
 
 fn spread_told(values: Vec<f64>, tell: fn(f64) -> String) -> String {
@@ -137,6 +148,14 @@ mod tests {
             ["0.00", "0.0042", "0.081", "0.25", "1.2", "12"]
         );
         assert_eq!([0.000_999_7, 0.0997, 0.9996, 9.97].map(digits), ["0.0010", "0.10", "1.0", "10"]);
+    }
+
+    #[test]
+    fn less_than_half_a_tenth_has_no_sign() {
+        assert_eq!(
+            [-0.04, 0.04, -0.06, 1.26].map(|db| format!("{:+.1}", to_tenths(db))),
+            ["+0.0", "+0.0", "-0.1", "+1.3"]
+        );
     }
 
     #[test]

@@ -58,17 +58,35 @@ struct Point {
     db: f64,
 }
 
-/// Costs that are told: title, label, name of the plot, and which it is.
-type Cost = (&'static str, &'static str, &'static str, Measure);
+/// A cost that is told.
+struct Cost {
+    title: &'static str,
+    label: &'static str,
+    /// Name of the plot.
+    file: &'static str,
+    measure: Measure,
+    /// By which of several figures points are compared.
+    by: &'static str,
+    words: fn(&Point) -> String,
+}
 
 const COSTS: [Cost; 2] = [
-    ("bytes", "bytes of the picture's matrix", "fronts-bytes", (|point| point.bytes, |_, _| false)),
-    (
-        "time to relight",
-        "ms per picture",
-        "fronts-time",
-        (|point| point.millis, |ours, other| ours.millis <= other.most_millis),
-    ),
+    Cost {
+        title: "bytes",
+        label: "bytes of the picture's matrix",
+        file: "fronts-bytes",
+        measure: (|point| point.bytes, |_, _| false),
+        by: "",
+        words: |point| format!("{:.0}", point.bytes),
+    },
+    Cost {
+        title: "time to relight",
+        label: "ms per picture",
+        file: "fronts-time",
+        measure: (|point| point.millis, |ours, other| ours.millis <= other.most_millis),
+        by: ", by the least of all rounds",
+        words: |point| format!("{:.3}…{:.3}", point.millis, point.most_millis),
+    },
 ];
 
 /// Two plots and the methods that nobody beats.
@@ -93,24 +111,19 @@ pub fn write(desk: &Desk) -> Result<String> {
         film.height,
         desk.load_words(),
     );
-    for (title, label, file, measure) in COSTS {
+    for Cost { title, label, file, measure, by, words } in COSTS {
         let cost = measure.0;
         let panels: Vec<Panel> = found.iter().map(|(name, points)| panel(name, label, points, cost)).collect();
         text += &format!("\n### Error against {title}\n");
         text += &desk.plot(file, &format!("error of all methods against {title}"), &panels)?;
         text += &standing::words(&found, measure);
-        let by = if title == "bytes" { "" } else { ", by the least of all rounds" };
         text += &format!(
             "\nNobody has less error at less of it{by}:\n\n| matrix | method | at | {label} | dB |\n|---|---|---|---|---|\n"
         );
         for (name, points) in &found {
             for point in front(points, cost) {
                 let Point { name: method, at, db, .. } = point;
-                let told = match title {
-                    "bytes" => format!("{:.0}", point.bytes),
-                    _ => format!("{:.3}…{:.3}", point.millis, point.most_millis),
-                };
-                text += &format!("| {name} | `{method}` | {at} | {told} | {db:.1} |\n");
+                text += &format!("| {name} | `{method}` | {at} | {} | {db:.1} |\n", words(point));
             }
         }
     }
@@ -149,8 +162,12 @@ fn measured(desk: &Desk, name: &str, picture: Picture) -> Result<Vec<Point>> {
     }
     let subject = Subject::new(picture, None);
     let mut pack = |method: Method, name: String, tolerance: f64| -> Result<()> {
-        // What has no answer is no point.
-        let Ok(coded) = subject.coded(method, tolerance) else { return Ok(()) };
+        let coded = match subject.coded(method, tolerance) {
+            Ok(coded) => coded,
+            Err(error) if method == Method::Projected => return Err(error),
+            // What has no answer is no point.
+            Err(_) => return Ok(()),
+        };
         let point = Point {
             name,
             at: format!("{tolerance:.0} dB"),

@@ -1,6 +1,6 @@
 //! Whether what is aimed at is kept.
 
-use super::fit::median;
+use super::fit::{median, to_tenths};
 
 /// Which side of a number is good.
 #[derive(Clone, Copy)]
@@ -35,11 +35,12 @@ impl Goal {
     }
 }
 
-/// Whether no gain in dB falls below nothing, and where the least is.
+/// Whether no gain in dB falls below nothing, to the tenth that it is told to, and where the least is.
 pub fn gains_words(gains: &[(String, f64)]) -> String {
     let worst = gains.iter().min_by(|a, b| a.1.total_cmp(&b.1));
     worst.map_or("nothing to tell".into(), |(name, db)| {
-        format!("{}: {db:+.1} dB at worst ({name})", Goal::Least(0.0).word(*db))
+        let db = to_tenths(*db);
+        format!("{}: {db:+.1} dB at worst ({name})", Goal::Least(0.0).word(db))
     })
 }
 
@@ -61,6 +62,7 @@ mod tests {
         let gains = |db: [f64; 2]| gains_words(&[("a hall".into(), db[0]), ("a room".into(), db[1])]);
         assert_eq!(gains([2.0, -0.5]), "missed: -0.5 dB at worst (a room)");
         assert_eq!(gains([0.0, 1.5]), "kept: +0.0 dB at worst (a hall)");
+        assert_eq!(gains([-0.001, 1.5]), "kept: +0.0 dB at worst (a hall)");
         assert_eq!(gains_words(&[]), "nothing to tell");
     }
 }

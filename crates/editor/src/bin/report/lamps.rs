@@ -112,7 +112,7 @@ pub(super) fn prepared(path: &Path, sky: Option<&Path>) -> Result<(PreparedScene
 struct Traced {
     drawn: Vec<Drawn>,
     /// Places that drowned.
-    n_redrawn: usize,
+    n_drowned: usize,
     of_file: [Vec<f32>; 2],
     twins: Vec<twins::Twin>,
     /// With narrow lobes, those of the twins behind those of the lamps.
@@ -123,11 +123,11 @@ impl Traced {
     fn find(case: &Case, view: View<'_>, moved: &Moved, twins: Vec<twins::Twin>) -> Result<Traced> {
         let coefficients = view.scene.lighting.basis.project(&LightRig::default());
         let of_file = traced(view.scene, view.film, &coefficients, view.n_samples, [1, 2])?;
-        let (drawn, n_redrawn) = drawn::draw(case, view, moved)?;
+        let (drawn, n_drowned) = drawn::draw(case, view, moved)?;
         let own = drawn.iter().map(|drawn| &drawn.lamp);
         let all: Vec<&PreparedLamps> = own.chain(twins.iter().map(|twin| &twin.free)).collect();
         let live = [view.live(&all, 1, NARROW_ALPHA)?, view.live(&all, 2, NARROW_ALPHA)?];
-        Ok(Traced { drawn, n_redrawn, of_file, twins, live })
+        Ok(Traced { drawn, n_drowned, of_file, twins, live })
     }
 
     /// What a bake makes of the lamps.
@@ -174,7 +174,7 @@ fn measure(desk: &Desk, case: &Case) -> Result<Told> {
         let (bake, spent) = bake(&scene, &camera, film, config)?;
         let (places, bytes) = (traced.places(&scene, &bake)?, Bytes::of(desk, &bake)?);
         let patches = bake.header.patches.as_ref().context("no patches")?;
-        told.add_row((case.name, spp), (&places, traced.n_redrawn), (patches, bytes, spent));
+        told.add_row((case.name, spp), (&places, traced.n_drowned), (patches, bytes, spent));
         desk.say(&format!("{} with {} patches, {spp} samples: {places:.3?}", case.name, patches.n_patches()));
         if [n_patches, spp] == desk.choose(QUICK, USUAL) {
             told.add_places(case.name, &places);

@@ -16,7 +16,7 @@ use clerestory_transport::scene::Scene;
 
 use super::desk::{Desk, process_secs};
 use super::errors::ColumnErrors;
-use super::fit::{digits, secs_at, spread, tenths};
+use super::fit::{digits, listed, secs_at, spread, tenths};
 use super::goal::Goal;
 use super::reference::{Reference, Sampling};
 
@@ -40,8 +40,8 @@ const MANY: (&str, u32) = ("conference-panel", 32);
 const SEEDS: [u64; 3] = [1, 2, 3];
 /// A bake that takes more CPU seconds has the first seed alone, so that the section stays within half an hour on two cores.
 const MOST_SECS: f64 = 70.0;
-/// Out of reach: every block takes all its samples.
-const NO_TOLERANCE_DB: f32 = 80.0;
+/// Out of reach: every block of [`baked`] takes all its samples.
+pub const NO_TOLERANCE_DB: f32 = 80.0;
 
 /// What a bake is asked for: samples per pixel at most, and a tolerance in dB.
 type Asked = (u32, f32);
@@ -240,7 +240,7 @@ fn light_of(basis: &LightBasis, column: u32) -> Option<String> {
 
 /// Which seeds rows have.
 fn seeds_words(desk: &Desk) -> String {
-    let all = SEEDS.map(|seed| seed.to_string()).join(", ");
+    let all = listed(&SEEDS);
     let first = SEEDS[0];
     desk.choose(
         format!("seed {first}, the first ones the seeds {all}"),

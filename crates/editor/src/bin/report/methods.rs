@@ -14,7 +14,7 @@ use clerestory_transport::camera::Film;
 use self::dense::{Picture, squared_error};
 use super::desk::Desk;
 use super::errors::decibels;
-use super::fit::tenths;
+use super::fit::{listed, tenths};
 use super::kept::checksum;
 use super::reference::Sampling;
 
@@ -47,10 +47,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         desk.choose(", thinned to every fourth pixel across and down,", ""),
         desk.choose(
             format!("Seed {SEED}"),
-            format!(
-                "Median (least…greatest) of the seeds {} where they differ",
-                SEEDS.map(|seed| seed.to_string()).join(", ")
-            )
+            format!("Median (least…greatest) of the seeds {} where they differ", listed(&SEEDS))
         ),
         desk.load_words(),
     ))

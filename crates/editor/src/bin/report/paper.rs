@@ -16,7 +16,7 @@ use clerestory_transport::camera::Film;
 use rayon::prelude::*;
 
 use super::desk::Desk;
-use super::fit::{median, tenths};
+use super::fit::{listed, median, tenths};
 use super::methods::dense::Picture;
 use super::reference::Sampling;
 
@@ -59,7 +59,7 @@ pub fn write(desk: &Desk) -> Result<String> {
             format!("seed {SEED}"),
             format!(
                 "the seeds {} on the same matrix, told as median (least…greatest) where they differ",
-                SEEDS.map(|seed| seed.to_string()).join(", ")
+                listed(&SEEDS)
             )
         ),
         desk.load_words(),

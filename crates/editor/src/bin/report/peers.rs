@@ -17,7 +17,7 @@ use serde_json::Value;
 use super::desk::{Desk, number};
 use super::errors::psnr_db;
 use super::fit::{spread_words, tenths};
-use super::matrix::{BOUNCES, baked, process_cpu_secs};
+use super::matrix::{BOUNCES, NO_TOLERANCE_DB, baked, process_cpu_secs};
 use super::rendered::{as_in_file, rendered};
 
 /// Environment variable with the Python that has the renderers.
@@ -71,7 +71,7 @@ pub fn write(desk: &Desk) -> Result<String> {
                     for (denoise, how) in [(false, ""), (true, ", denoised")] {
                         let config = BakeConfig {
                             spp: samples,
-                            tolerance_db: 80.0,
+                            tolerance_db: NO_TOLERANCE_DB,
                             bounces: BOUNCES,
                             seed,
                             denoise,

@@ -19,7 +19,8 @@ use clerestory_transport::skips::{Skip, Skips};
 use clerestory_transport::sky::{Environment, SkyForm, SkyLight};
 
 use super::desk::Desk;
-use super::fit::{cpu_words, hundredths, spread_words, tenths, tenths_known};
+use super::errors::{decibels, quantile};
+use super::fit::{cpu_words, hundredths, listed, spread_words, tenths, tenths_known};
 use super::matrix::process_cpu_secs;
 use super::reference::{Reference, Sampling};
 use super::rendered::as_in_file;
@@ -160,7 +161,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          against time, beside two references of {reference_spp} samples per pixel each, of pixels that are {step} apart, for which no work was left out. {}\n{tables}",
         usual.tolerance_db,
         usual.spp,
-        seeds(desk).iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
+        listed(seeds(desk)),
         desk.load_words(),
     ))
 }
@@ -262,12 +263,10 @@ fn found(skipped: &Skipped) -> String {
 
 /// Decibels by which a picture lies below the 99.5 percentile of another, `None` where they are the same.
 fn psnr_db(picture: &[f32], reference: &[f32]) -> Option<f64> {
-    let mut sorted = reference.to_vec();
-    sorted.sort_by(f32::total_cmp);
-    let peak = f64::from(*sorted.get(sorted.len() * 995 / 1000)?);
+    let peak = quantile(reference.iter().copied().map(f64::from).collect());
     let square = |(a, b): (&f32, &f32)| f64::from(a - b).powi(2);
     let mean = picture.iter().zip(reference).map(square).sum::<f64>() / reference.len() as f64;
-    (mean > 0.0).then(|| 10.0 * (peak * peak / mean).log10())
+    (mean > 0.0).then(|| decibels(peak, mean))
 }
 
 #[cfg(test)]

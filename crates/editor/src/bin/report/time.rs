@@ -3,6 +3,7 @@
 mod pays;
 mod runs;
 pub mod seconds;
+mod table;
 
 use anyhow::{Context, Result, ensure};
 use clerestory_transport::bake::BakeConfig;
@@ -16,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::desk::Desk;
-use super::fit::{secs_between, secs_words, spread_words, tenths};
+use super::fit::{spread_words, tenths, to_tenths};
 use super::goal::gains_words;
 use super::plot::{Axis, Panel, Scale, Series};
 
@@ -211,14 +212,14 @@ fn measured(desk: &Desk, (section, of): (&str, &str), subjects: Vec<Subject>) ->
         text += &format!("\n### {what}{of}\n");
         text +=
             &desk.plot(&format!("{section}-{file}"), &format!("{what}: error against CPU time, by scene"), &panels)?;
-        text += &table(&scenes, class);
+        text += &table::words(&scenes, class);
     }
     if !missing.is_empty() {
         text += &format!("\nThe scenes of this section have no {}.\n", missing.join(" and no "));
     }
     text += &ends(&scenes, |subject| runs::reference_spp(desk, subject), of);
     text += &repeats(&scenes, of);
-    text += &beside_samples(scenes.iter().map(|(subject, measured)| (subject.name, measured.points.as_slice())));
+    text += &beside_samples(scenes.iter().map(|(subject, measured)| (subject.name, measured)));
     text += &pays::table(&scenes, of);
     Ok(text)
 }
@@ -231,7 +232,7 @@ fn opening(section: &str) -> String {
     format!(
         "CPU seconds (user and system), without loading the scene and building its hierarchy, against the error in dB, of six ways. Ours by\n\
          default: what `clerestory bake` makes with growing numbers of samples (`--spp`) and no other option, so that its light is traced and\n\
-         denoised and blocks are done at 40 dB; with {default} samples, where these do not take too long, it is the bake that nothing is said of.\n\
+         denoised and blocks are done at {asked_db} dB; with {default} samples, where these do not take too long, it is the bake that nothing is said of.\n\
          Ours with indirect light shared, as with `--fast`, and traced but not denoised, as with `--no-denoise`, both taking all samples. The very\n\
          samples of the latter without compression: the full matrix. A path-traced render per light, all of them. And one render of the look in\n\
          question, which no light can be changed in afterwards. The first point of ours is the preview; its seconds are not among those of the\n\
@@ -246,6 +247,7 @@ fn opening(section: &str) -> String {
          Of each number of samples all ways are measured one after the other; further points of shared light or of light that is not denoised,\n\
          whichever is ahead, come last. Seed 1, of a render per light another one for each; how far repeats lie apart is told below. The\n\
          references have seeds of their own. ",
+        asked_db = BakeConfig::default().tolerance_db,
         default = BakeConfig::default().spp,
         some = runs::SOME,
     )
@@ -298,70 +300,6 @@ fn panel(subject: &Subject, measured: &Measured, class: usize) -> Panel {
     }
 }
 
-/// CPU seconds to the targets, the least in bold.
-fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
-    let ways: Vec<&str> = Way::ALL.iter().map(|way| way.name()).collect();
-    let mut text = format!(
-        "\nCPU seconds to an error of {}, between measured points; \"<\" and \">\": it was reached before the first point, or would be after the last, which has the dB behind it; \"—\": not measured, \
-         as it takes too long; \"†\": more dB than the reference can tell, see below. The least of each row in bold, where the points tell which it is{}.\n\n| scene | size | dB | {} |\n|---|---|---|{}\n",
-        CLASSES[class],
-        if class == 0 { ", a render of one of the lights aside" } else { "" },
-        ways.join(" | "),
-        "---|".repeat(ways.len()),
-    );
-    let (mut ahead, mut n_rows) = ([0; Way::ALL.len()], 0);
-    for (subject, measured) in scenes {
-        let curves = Way::ALL.map(|way| measured.curve(way, class));
-        if curves.iter().all(Vec::is_empty) {
-            continue;
-        }
-        for target in TARGETS_DB {
-            let mut secs = curves.each_ref().map(|curve| secs_between(target, curve));
-            if class == 0 {
-                secs[PLAIN] = None;
-            }
-            let soonest = soonest(secs);
-            n_rows += 1;
-            soonest.into_iter().for_each(|nth| ahead[nth] += 1);
-            let cell = |nth: usize| match secs_words(target, &curves[nth]) {
-                words if soonest == Some(nth) => format!("**{words}**"),
-                words => words + &short_of(target, &curves[nth]),
-            };
-            let cells: Vec<String> = (0..curves.len()).map(cell).collect();
-            let Film { width, height } = subject.film;
-            let mark = if measured.ends[class].is_some_and(|end| end < target) { " †" } else { "" };
-            text += &format!("| {} | {width}×{height} | {target:.0}{mark} | {} |\n", subject.name, cells.join(" | "));
-        }
-    }
-    text + &ahead_words(ahead, n_rows)
-}
-
-/// Which way is the soonest in how many rows.
-fn ahead_words(ahead: [usize; Way::ALL.len()], n_rows: usize) -> String {
-    let mut ways: Vec<(usize, &str)> = ahead.into_iter().zip(Way::ALL.map(Way::name)).filter(|way| way.0 > 0).collect();
-    ways.sort_by_key(|way| std::cmp::Reverse(way.0));
-    let mut told: Vec<String> = ways.iter().map(|(n, name)| format!("{name} in {n}")).collect();
-    told.push(format!("the points do not tell in {}", n_rows - ahead.iter().sum::<usize>()));
-    format!("\nThe soonest of {n_rows} rows: {}.\n", told.join("; "))
-}
-
-/// What the last point has of an error that it does not reach; nothing where it is reached.
-fn short_of(target_db: f64, curve: &[[f64; 2]]) -> String {
-    match (secs_between(target_db, curve), curve.last()) {
-        (Some([_, greatest]), Some([_, db])) if greatest.is_infinite() => format!(" ({db:.1} dB)"),
-        _ => String::new(),
-    }
-}
-
-/// Which of several certainly takes the fewest seconds, given the least and the greatest that each can take.
-fn soonest<const N: usize>(secs: [Option<[f64; 2]>; N]) -> Option<usize> {
-    let is_first = |&nth: &usize| {
-        let mut others = secs.iter().enumerate().filter(|(other, _)| *other != nth).filter_map(|(_, secs)| *secs);
-        secs[nth].is_some_and(|[_, most]| most.is_finite() && others.all(|[least, _]| most <= least))
-    };
-    (0..N).find(is_first)
-}
-
 /// How near to the truth errors can be told, and the samples of the references.
 fn ends(scenes: &[(Subject, Measured)], samples: impl Fn(&Subject) -> u32, of: &str) -> String {
     let mut text = format!(
@@ -403,26 +341,29 @@ fn repeats(scenes: &[(Subject, Measured)], of: &str) -> String {
     text
 }
 
-/// How much nearer to the truth ours is than the samples that it is made of, in dB.
-fn beside_samples<'a>(scenes: impl Iterator<Item = (&'a str, &'a [Point])>) -> String {
+/// How much nearer to the truth ours is than the samples that it is made of, in dB, where the reference can tell.
+fn beside_samples<'a>(scenes: impl Iterator<Item = (&'a str, &'a Measured)>) -> String {
     let mut gains: [Vec<(String, f64)>; 2] = Default::default();
-    for (name, points) in scenes {
+    for (name, measured) in scenes {
+        let points = measured.points.as_slice();
         let of = |way: Way| points.iter().filter(move |point| point.way == way);
         let pairs = of(Way::Exact).flat_map(|ours| of(Way::Dense).map(move |dense| (ours, dense)));
         for (ours, dense) in pairs.filter(|(ours, dense)| (ours.spp, ours.seed) == (dense.spp, dense.seed)) {
             let row = format!("`{name}`, {} samples, seed {}", ours.spp.unwrap_or(0), ours.seed);
             for (gains, class) in gains.iter_mut().zip([0, 2]) {
-                let gain = ours.db[class].zip(dense.db[class]).map(|(ours, dense)| ours - dense);
-                gains.extend(gain.map(|gain| (row.clone(), gain)));
+                let told = ours.db[class].zip(dense.db[class]);
+                let told = told.filter(|(ours, dense)| measured.ends[class].is_none_or(|end| ours.min(*dense) < end));
+                gains.extend(told.map(|(ours, dense)| (row.clone(), to_tenths(ours - dense))));
             }
         }
     }
     let [single, all] = gains.map(|gains| {
-        let spread = tenths(gains.iter().map(|(_, gain)| *gain).collect());
-        format!("{spread}, {}", gains_words(&gains))
+        let all: Vec<f64> = gains.iter().map(|(_, gain)| *gain).collect();
+        let spread = if all.is_empty() { String::new() } else { tenths(all) + ", " };
+        spread + &gains_words(&gains)
     });
     format!(
-        "\nBeside the very samples that it is made of, ours with traced light, not denoised, has so many dB more, median (least…greatest) over all scenes, samples and seeds, and aimed at is never less: of single lights {single}; of all lights of the file {all}. \
+        "\nBeside the very samples that it is made of, ours with traced light, not denoised, has so many dB more, median (least…greatest) over all scenes, samples and seeds but those with which both are beyond where the reference ends, and aimed at is never less: of single lights {single}; of all lights of the file {all}. \
          What keeps it from less, and why it is not certain, stands in [decision 0041](decisions/0041-no-block-is-worse-than-its-samples.md) and [decision 0051](decisions/0051-noisy-columns-are-divided-first.md).\n"
     )
 }
@@ -431,38 +372,13 @@ fn beside_samples<'a>(scenes: impl Iterator<Item = (&'a str, &'a [Point])>) -> S
 mod tests {
     use super::*;
 
-    fn subject(name: &'static str) -> Subject {
+    pub(super) fn subject(name: &'static str) -> Subject {
         let film = Film { width: 4, height: 3 };
         Subject { name, path: PathBuf::new(), sky: None, film, step: 1, reference_spp: 64, n_seeds: 3 }
     }
 
-    fn point(way: Way, cpu_secs: f64, db: f64) -> Point {
+    pub(super) fn point(way: Way, cpu_secs: f64, db: f64) -> Point {
         Point { way, seed: 1, spp: Some(4), cpu_secs, db: [None, None, Some(db)] }
-    }
-
-    #[test]
-    fn the_soonest_way_is_bold_and_what_no_reference_can_tell_is_marked() {
-        let points = vec![
-            point(Way::Fast, 1.0, 20.0),
-            point(Way::Fast, 16.0, 40.0),
-            point(Way::Plain, 0.1, 20.0),
-            point(Way::Plain, 1.6, 40.0),
-        ];
-        let scenes = [(subject("hall"), Measured { n_cols: 1, points, ends: [Some(30.0), None, Some(32.25)] })];
-        let rows = table(&scenes, 2);
-        assert!(rows.contains("| hall | 4×3 | 30 | — | 4.0 | — | — | — | **0.40** |"), "{rows}");
-        assert!(rows.contains("| hall | 4×3 | 35 † | — |"), "{rows}");
-        assert!(
-            rows.ends_with("The soonest of 2 rows: a render of one look in 2; the points do not tell in 0.\n"),
-            "{rows}"
-        );
-        assert!(!table(&scenes, 0).contains("hall"), "no single lights were measured");
-        let curve = [[1.0, 20.0], [103.0, 21.6]];
-        assert_eq!([21.0, 30.0].map(|db| short_of(db, &curve)), ["", " (21.6 dB)"]);
-        let endless = f64::INFINITY;
-        assert_eq!(soonest([Some([4.0, 4.0]), None, Some([3.0, endless])]), None, "the last may take 3 or 300");
-        assert_eq!(soonest([Some([0.0, 1.4]), Some([1.7, 1.7])]), Some(0));
-        assert_eq!(soonest([Some([9.0, endless]), None]), None);
     }
 
     #[test]
@@ -478,9 +394,16 @@ mod tests {
         let mut points = vec![point(Way::Fast, 1.0, 20.0)];
         points.extend([Point { db: [Some(20.0), None, Some(30.0)], ..point(Way::Exact, 9.0, 0.0) }]);
         points.extend([Point { db: [Some(19.5), None, Some(30.5)], ..point(Way::Dense, 8.0, 0.0) }]);
-        let words = beside_samples([("hall", points.as_slice())].into_iter());
+        let told = |ends: [Option<f64>; 3]| {
+            let measured = Measured { n_cols: 1, points: points.clone(), ends };
+            beside_samples([("hall", &measured)].into_iter())
+        };
+        let words = told([None; 3]);
         assert!(words.contains("of single lights 0.5, kept: +0.5 dB at worst (`hall`, 4 samples, seed 1);"), "{words}");
         assert!(words.contains("of the file -0.5, missed: -0.5 dB at worst (`hall`, 4 samples, seed 1)."), "{words}");
+        let words = told([Some(20.0), None, Some(29.0)]);
+        assert!(words.contains("of single lights 0.5, kept"), "one of both is farther than the reference: {words}");
+        assert!(words.contains("of the file nothing to tell."), "both are as near as the reference: {words}");
     }
 
     #[test]

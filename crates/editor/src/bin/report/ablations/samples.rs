@@ -11,7 +11,7 @@ use clerestory_transport::skips::{Skip, Skips};
 
 use crate::desk::Desk;
 use crate::fit::{spread_words, tenths_known};
-use crate::matrix::baked;
+use crate::matrix::{NO_TOLERANCE_DB, baked};
 use crate::reference::{Reference, Sampling};
 
 const SCENES: [&str; 3] = ["gallery", "mixed", "reflections"];
@@ -56,8 +56,8 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
             for seed in 1..=turns {
                 for ((what, configured, skips, prepare), (secs, dbs)) in ways.iter().zip(&mut measured) {
                     desk.say(&format!("{name}: {what}, seed {seed}"));
-                    // A tolerance out of reach: every block takes all its samples.
-                    let config = configured(BakeConfig { spp, tolerance_db: 80.0, seed, ..BakeConfig::default() });
+                    let tolerance_db = NO_TOLERANCE_DB;
+                    let config = configured(BakeConfig { spp, tolerance_db, seed, ..BakeConfig::default() });
                     let (cpu_secs, bake) = baked(&load(*skips, *prepare)?, film, config)?;
                     secs.push(cpu_secs);
                     dbs.push(reference.errors(&reference.rows_of(&bake.header, &bake.groups)).median_db());

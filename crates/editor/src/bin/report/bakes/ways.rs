@@ -13,13 +13,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::desk::Desk;
 use crate::errors::{Told, told_words};
-use crate::fit::{median, spread, spread_words, tenths};
-use crate::matrix::baked;
+use crate::fit::{listed, median, spread, spread_words, tenths};
+use crate::matrix::{NO_TOLERANCE_DB, baked};
 use crate::reference::{Reference, Sampling};
 
-/// Samples per pixel of the bakes, out of reach of their tolerance.
+/// Samples per pixel of the bakes, all of which are taken.
 const SPP: u32 = 16;
-const NO_TOLERANCE_DB: f32 = 80.0;
 /// The first for all; the others tell of shared light, which is the cheaper in most scenes, how far bakes lie apart.
 const SEEDS: [u64; 3] = [1, 2, 3];
 
@@ -51,7 +50,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         film.width,
         film.height,
         sampling.spp,
-        SEEDS[..n_seeds(desk)].iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
+        listed(&SEEDS[..n_seeds(desk)]),
         SEEDS[0],
         verdict(&measured),
         measured.iter().map(|scene| scene.row.as_str()).collect::<String>(),

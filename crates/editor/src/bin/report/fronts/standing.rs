@@ -39,7 +39,7 @@ pub(super) fn words(found: &[(String, Vec<Point>)], measure: Measure) -> String 
         n_ours += of_matrix;
     }
     format!(
-        "\nOf {} points on the fronts of all matrices most are of {}. {}\n\n\
+        "\nOn the fronts of all matrices are {} points, most often: {}. {}\n\n\
          | matrix | points | most often | ours on the front | off it: more than the least with no more error |\n|---|---|---|---|---|\n{rows}",
         names.len(),
         most_often(&names),
@@ -113,11 +113,9 @@ mod tests {
         let found = [("a room".to_string(), points)];
         let bytes: Measure = (|point| point.bytes, |_, _| false);
         let told = words(&found, bytes);
-        assert!(
-            told.contains(
-                "Of 4 points on the fronts of all matrices most are of `svd` 2, `ours, packed` 1, `row-id` 1."
-            )
-        );
+        assert!(told.contains(
+            "On the fronts of all matrices are 4 points, most often: `svd` 2, `ours, packed` 1, `row-id` 1."
+        ));
         assert!(
             told.contains("at 1 of its 2 points; at the others it takes 5.0 % more than the least with no more error.")
         );

@@ -50,7 +50,7 @@ impl Drawn {
 /// # Errors
 /// A scene that cannot be read, or a lamp that cannot shine.
 pub fn draw(case: &Case, view: View<'_>, moved: &Moved) -> Result<(Vec<Drawn>, usize)> {
-    let (mut all, mut n_redrawn) = (Vec::new(), 0);
+    let (mut all, mut n_drowned) = (Vec::new(), 0);
     for shape in &moved.shapes {
         let numbered = (0..MOST_NUMBERS).map(|number| {
             let at = place(view.scene, view.camera, view.film, number);
@@ -67,10 +67,10 @@ pub fn draw(case: &Case, view: View<'_>, moved: &Moved) -> Result<(Vec<Drawn>, u
             n_tried += batch.len();
             drawn.extend(in_full(case, view, shape, &batch)?.into_iter().filter(Drawn::is_seen));
         }
-        n_redrawn += n_tried - drawn.len();
+        n_drowned += n_tried - drawn.len();
         all.extend(drawn);
     }
-    Ok((all, n_redrawn))
+    Ok((all, n_drowned))
 }
 
 /// Lamps of a kind with their pictures; the direct light of all is found at the same points.
@@ -113,17 +113,17 @@ mod tests {
         let film = Film { width: 16, height: 12 };
         let drawn = |n_samples: u32, moved: &Moved| {
             let view = View { scene: &scene, camera: &camera, film, n_samples };
-            let (drawn, n_redrawn) = draw(&case, view, moved).unwrap();
+            let (drawn, n_drowned) = draw(&case, view, moved).unwrap();
             let n_most = moved.shapes.len() * moved.n_places;
-            let n_tried = drawn.len() + n_redrawn;
-            assert!(drawn.len() <= n_most && n_tried <= n_most + moved.shapes.len() * MOST_REDRAWN, "{n_redrawn}");
+            let n_tried = drawn.len() + n_drowned;
+            assert!(drawn.len() <= n_most && n_tried <= n_most + moved.shapes.len() * MOST_REDRAWN, "{n_drowned}");
             assert!(drawn.iter().all(|drawn| drawn.is_seen() && drawn.height_m >= moved.clear_m));
             assert!(drawn.is_sorted_by(|a, b| a.kind != b.kind || a.number < b.number));
-            (drawn.len(), n_redrawn)
+            (drawn.len(), n_drowned)
         };
         // In one sample light drowns that does not in many.
-        let (_, n_redrawn) = drawn(1, &Moved { shapes: vec![LampShape::Point], n_places: 1, clear_m: 0.0 });
-        assert!(n_redrawn > 0);
+        let (_, n_drowned) = drawn(1, &Moved { shapes: vec![LampShape::Point], n_places: 1, clear_m: 0.0 });
+        assert!(n_drowned > 0);
         let shapes = vec![LampShape::Point, LampShape::Sphere { radius_m: 0.1 }];
         let (n_drawn, _) = drawn(128, &Moved { shapes, n_places: 2, clear_m: 0.3 });
         assert!(n_drawn > 0);

@@ -35,29 +35,32 @@ fn scenes() -> [(&'static str, Vec<LampShape>); 3] {
 /// # Errors
 /// A scene that cannot be read, or a bake that fails.
 pub fn write(desk: &Desk) -> Result<String> {
-    let mut rows = String::new();
+    let (mut rows, mut drowned) = (String::new(), Vec::new());
     for (name, shapes) in scenes() {
         let case = Case { name, path: desk.root.join(format!("assets/scenes/{name}.glb")), sky: None };
         desk.say(&format!("lamps of more kinds in {name}"));
-        rows += &desk.part::<String>(NAME, name, || {
+        let (of_scene, n_drowned): (String, usize) = desk.part(NAME, name, || {
             measure(desk, &case, &shapes).with_context(|| format!("cannot move lamps in {name}"))
         })?;
+        rows += &of_scene;
+        drowned.push(format!("{n_drowned} in {name}"));
     }
     let (spp, traced_spp) = (desk.choose(64, BAKE_SPP[0]), desk.choose(TRACED_SPP[0], TRACED_SPP[1]));
     Ok(format!(
         "## More kinds of lamps, and their caustics\n\n\
-         Lamps of {LUMEN} lm that aim down, a rectangle of 0.6 × 0.3 m, a spot of 0.6 rad from its axis to its rim, a disk and a sphere of 0.1 m radius, at places that keep {CLEAR_M} m from every surface: those of the section \
-         `lamps`, in the order of their numbers, as far as they do, the same for all kinds but where light drowned, in which case another place was drawn, {MOST_REDRAWN} times a kind at most. Pictures {} pixels wide, {DEFAULT_PATCHES} patches, {spp} samples per pixel; everything else is measured as in `lamps`, against two traced \
+         Lamps of {LUMEN} lm that aim down, a rectangle of 0.6 × 0.3 m, a spot of 0.6 rad from its axis to its rim, a disk and a sphere of 0.1 m radius, at places that keep {CLEAR_M} m from every surface, drawn as in the section \
+         `lamps`: the same for all kinds but where light drowned in noise, in which case another place was drawn, {MOST_REDRAWN} times a kind at most ({} of all kinds). Pictures {} pixels wide, {DEFAULT_PATCHES} patches, {spp} samples per pixel; everything else is measured as in `lamps`, against two traced \
          pictures of {traced_spp} samples per pixel each. A cell has the figures of all places, one after the other. *Onto mirrors and glass* is the share of the lamp's light that the program names, whose caustics are not carried. \
          Traced pictures have them where a lamp has a body; beside a point, which throws none there either, the rows of bodies show how much light is missing (energy) and how far off that leaves the indirect light (L2). {}\n\n\
          | scene | lamp | onto mirrors and glass | noise | energy | L2 | without worst | PSNR | alone |\n|---|---|---|---|---|---|---|---|---|\n{rows}",
+        drowned.join(", "),
         WIDTHS[0],
         desk.load_words(),
     ))
 }
 
-/// Rows of a scene.
-fn measure(desk: &Desk, case: &Case, shapes: &[LampShape]) -> Result<String> {
+/// Rows of a scene, and how many of its places drowned.
+fn measure(desk: &Desk, case: &Case, shapes: &[LampShape]) -> Result<(String, usize)> {
     let (scene, camera) = prepared(&case.path, None)?;
     let (scene, film) = (Arc::new(scene), Film::of_width(WIDTHS[0], &camera));
     let (n_places, n_samples) = desk.choose((1, TRACED_SPP[0]), (N_PLACES, TRACED_SPP[1]));
@@ -76,7 +79,7 @@ fn measure(desk: &Desk, case: &Case, shapes: &[LampShape]) -> Result<String> {
         });
         row(case.name, shape.name(), &lacking.collect::<Vec<_>>())
     };
-    Ok(shapes.iter().map(told).collect())
+    Ok((shapes.iter().map(told).collect(), traced.n_drowned))
 }
 
 /// A row of the places of a kind of lamp.

@@ -3,7 +3,7 @@
 use clerestory_transport::scene::Mesh;
 use glam::Vec3;
 
-use crate::errors::{decibels, quantile};
+use crate::errors::{Sum, decibels, quantile};
 
 /// Noise of a reference of the indirect light, beyond which its place says nothing.
 const MOST_NOISE: f64 = 0.5;
@@ -33,7 +33,7 @@ pub struct Place {
     pub number: u32,
     /// Height above the nearest surface, m.
     pub height_m: f32,
-    /// Relative L2 of the indirect light, of all pixels and without the worst.
+    /// Relative L2 of the indirect light, of all pixels and without the worst; no error is told as less than its standard error.
     pub l2: [f64; 2],
     /// Relative L2 of the noise of the mean of its references.
     pub noise: f64,
@@ -50,6 +50,13 @@ pub struct Place {
 /// Pixels that count as the worst.
 pub fn n_worst(n_pixels: usize) -> usize {
     ((n_pixels as f64 * WORST) as usize).max(1)
+}
+
+/// Squared errors of some pixels, summed, as no less than what is known of them.
+fn known(squares: &[[f64; 2]]) -> f64 {
+    let mut sum = Sum::default();
+    squares.iter().for_each(|[off, _]| sum.add(*off));
+    sum.mean_at_least_known() * squares.len() as f64
 }
 
 /// Squares, summed over a picture, of the noise of the mean of two references of a lamp's indirect light, and of that light.
@@ -112,11 +119,11 @@ impl Pictures<'_> {
             found += f64::from(self.of_patches[at]) + 0.5 * (shown[0] + shown[1]);
             there += 0.5 * (a + b);
         }
-        let l2 = |off: f64, light: f64| (off.max(0.0) / light).sqrt();
+        let l2 = |off: f64, light: f64| (off / light).sqrt();
         Place {
             number,
             height_m,
-            l2: [l2(off, light), l2(of_rest, sum(rest, 1))],
+            l2: [l2(known(&squares), light), l2(known(rest), sum(rest, 1))],
             noise: l2(noise, light),
             energy: found / there,
             in_worst: (off > 0.0).then(|| of_worst / off),
@@ -127,23 +134,26 @@ impl Pictures<'_> {
 
     fn lamp_psnr_db(&self) -> f64 {
         let n = self.of_patches.len();
-        let squares: f64 = (0..n).map(|at| self.off(at)).map(|[a, b]| a * b).sum();
+        let squares = Sum::of_pixels(n, |at| {
+            let [a, b] = self.off(at);
+            a * b
+        });
         let both = |at: usize| 0.5 * [0, 1].map(|half| f64::from(self.references[half][at])).iter().sum::<f64>();
-        decibels(quantile((0..n).map(both).collect()), squares / n as f64)
+        decibels(quantile((0..n).map(both).collect()), squares.mean_at_least_known())
     }
 
     fn psnr_db(&self) -> [f64; 2] {
-        let (mut squares, mut whole) = ([0.0; 2], Vec::new());
-        for at in 0..self.own.len() {
-            let file = [0, 1].map(|half| f64::from(self.own_references[half][at]));
+        let n = self.own.len();
+        let file = |half: usize, at: usize| f64::from(self.own_references[half][at]);
+        let whole = |half: usize, at: usize| f64::from(self.references[half][at]) + file(half, at);
+        let squares = Sum::of_pixels(n, |at| {
             let off = self.off(at);
-            let [off_a, off_b] = [0, 1].map(|half| off[half] + f64::from(self.own[at]) - file[half]);
-            let [a, b] = [0, 1].map(|half| f64::from(self.references[half][at]) + file[half]);
-            squares = [squares[0] + off_a * off_b, squares[1] + 0.25 * (a - b).powi(2)];
-            whole.push(0.5 * (a + b));
-        }
-        let (n, peak) = (whole.len() as f64, quantile(whole));
-        squares.map(|sum| decibels(peak, sum / n))
+            let [a, b] = [0, 1].map(|half| off[half] + f64::from(self.own[at]) - file(half, at));
+            a * b
+        });
+        let noise = Sum::of_pixels(n, |at| 0.25 * (whole(0, at) - whole(1, at)).powi(2));
+        let peak = quantile((0..n).map(|at| 0.5 * (whole(0, at) + whole(1, at))).collect());
+        [squares.mean_at_least_known(), noise.mean()].map(|square| decibels(peak, square))
     }
 }
 
@@ -202,8 +212,9 @@ mod tests {
             own_references: [&dark, &dark],
         };
         let place = pictures.place(3, 0.5);
-        // Of the third and the fourth pixel: −0.25 · 0.25 in both halves, which is less than nothing.
-        assert_eq!(place.l2, [0.0; 2], "{place:?}");
+        // Of the third and the fourth pixel: −0.25 · 0.25 in both halves, in the mean less than nothing, known to half of it.
+        assert!((place.l2[0] - 0.125).abs() < 1e-9 && (place.l2[1] - 0.1304).abs() < 1e-4, "{place:?}");
+        assert!((place.lamp_psnr_db - decibels(1.125, 0.125 * 0.125)).abs() < 1e-9, "{place:?}");
         assert_eq!((place.energy, place.in_worst, place.number, place.height_m), (1.0, None, 3, 0.5));
         assert!((place.noise - (0.25f64 * 2.0 * 0.25 * 0.25 / 4.0).sqrt()).abs() < 1e-9, "{place:?}");
         // Patches that are dark lack all of it, wherever noise is.

@@ -85,11 +85,11 @@ impl Told {
         self.places += &scene.places;
     }
 
-    /// A row of a bake with some samples per pixel, and of places, beside which some were drawn anew.
+    /// A row of a bake with some samples per pixel, and of places, beside which some drowned.
     pub fn add_row(
         &mut self,
         (name, spp): (&str, u32),
-        (places, n_redrawn): (&[Place], usize),
+        (places, n_drowned): (&[Place], usize),
         (patches, bytes, spent): (&Patches, Bytes, Spent),
     ) {
         let of = |what: &dyn Fn(&Place) -> f64| places.iter().map(what).collect::<Vec<f64>>();
@@ -102,7 +102,7 @@ impl Told {
             patches.n_columns(),
             percent(patches.held_out_error().into()),
             places.len(),
-            n_redrawn,
+            n_drowned,
             spread(&of(&|place| place.l2[0]), f64::max, percent),
             spread(&of(&|place| place.l2[1]), f64::max, percent),
             spread(&of(&|place| place.noise), f64::max, percent),
@@ -141,12 +141,12 @@ impl Told {
             ({spp} samples per pixel, or as many as the table tells, seed 0; traced and live pictures have seeds 1 to 4), plus the lamp's live light (direct light at what is seen and at what narrow lobes show there), plus what the patches make of its \
             irradiance. Two independent ones are held against two independent traced pictures of {} samples per pixel; the live light has as many. \
             L2 is the root of the summed products of both differences, over that of the indirect light: noise of live and of traced light is no error, \
-            noise of the bake is. *Without worst* leaves out the {:.1} % of the pixels with the greatest errors, which are chosen by what is measured, \
+            noise of the bake is; products are told as no less than their standard error over the pixels, those of PSNR, too. *Without worst* leaves out the {:.1} % of the pixels with the greatest errors, which are chosen by what is measured, \
             noise included. *Noise* is that of the mean of both traced pictures without direct light. A place where it is more than half \
-            of the indirect light tells nothing, and the next number draws another one instead, {MOST_REDRAWN} times a scene at most: *redrawn* counts them. Medians, and the worst in brackets. Energy is the sum of the indirect light over that of the \
+            of the indirect light tells nothing, and the next number draws another one instead, {MOST_REDRAWN} times a scene at most: *drowned* counts these places. Medians, and the worst in brackets. Energy is the sum of the indirect light over that of the \
             reference. PSNR is that of the whole picture, its peak the 99.5 percentile. *Held out* is by how much columns differ from patches \
             under lamps that they were not learned from. CPU seconds of all threads: of all that is no patch (patches change nothing of it), of learning patches, of the walks of their columns. {}\n\n\
-            | scene | patches | samples | columns | held out | places | redrawn | L2 | without worst | noise | energy, least to most | PSNR | of the noise | file without \
+            | scene | patches | samples | columns | held out | places | drowned | L2 | without worst | noise | energy, least to most | PSNR | of the noise | file without \
             | of patches | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n{}\n\
             ### Place by place, {DEFAULT_PATCHES} patches\n\n\
             *In the worst* is the share of the squared error that stands in these {:.1} % of the pixels; a share of more than all says that the others \

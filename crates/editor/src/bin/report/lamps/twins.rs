@@ -8,7 +8,7 @@ use clerestory_transport::light::{LightRig, LightSetting};
 use clerestory_transport::prepared::PreparedScene;
 
 use super::of_patches;
-use crate::errors::{decibels, quantile};
+use crate::errors::{Sum, decibels, quantile};
 use crate::rendered::relit;
 
 /// A lamp of the file, and the free one that takes its place.
@@ -56,8 +56,8 @@ fn difference_db(whole: &[f32], without: &[f32], free: &[f32], live: [&[f32]; 2]
         let [a, b] = live.map(|live| f64::from(without[at] + free[at]) + f64::from(live[at]) - f64::from(whole[at]));
         a * b
     };
-    let sum: f64 = (0..whole.len()).map(square).sum();
-    decibels(quantile(whole.iter().map(|value| f64::from(*value)).collect()), sum / whole.len() as f64)
+    let sum = Sum::of_pixels(whole.len(), square);
+    decibels(quantile(whole.iter().map(|value| f64::from(*value)).collect()), sum.mean_at_least_known())
 }
 
 #[cfg(test)]
@@ -69,6 +69,9 @@ mod tests {
         let (whole, without, free) = ([10.0; 6], [6.0; 6], [3.0; 6]);
         let db = |live: [[f32; 6]; 2]| difference_db(&whole, &without, &free, [&live[0], &live[1]]);
         assert!((db([[2.0; 6]; 2]) - 20.0).abs() < 1e-6);
+        // One in one pixel, less than nothing by as much in the other: known to their standard error, √½.
+        let known = decibels(10.0, 0.5f64.sqrt());
+        assert!((db([[2.0, 2.0, 2.0, 0.0, 0.0, 0.0], [2.0; 6]]) - known).abs() < 1e-6);
         // Noise around what is right.
         assert!(db([[1.5, 0.5, 1.0, 1.0, 1.5, 0.5], [1.0; 6]]) > 100.0);
     }

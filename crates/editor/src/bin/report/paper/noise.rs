@@ -14,6 +14,7 @@ use super::beside::mean_psnr_db;
 use super::lights::lights;
 use super::{Repeats, SEED, approximated, middle, sampling, told};
 use crate::desk::Desk;
+use crate::fit::listed;
 use crate::goal::gains_words;
 use crate::matrix::baked;
 use crate::methods::dense::Picture;
@@ -117,10 +118,9 @@ fn repeats(all: &[Answers]) -> [Repeats; NAMES.len()] {
 
 /// Which seeds all have that is held against the reference.
 fn seeds_words(seeds: &[u64]) -> String {
-    let names: Vec<String> = seeds.iter().map(u64::to_string).collect();
-    match &names[..] {
+    match seeds {
         [seed] => format!("seed {seed}"),
-        _ => format!("the seeds {}, told as median (least…greatest) where they differ", names.join(", ")),
+        _ => format!("the seeds {}, told as median (least…greatest) where they differ", listed(seeds)),
     }
 }
 

@@ -14,7 +14,7 @@ use super::{SCENES, SEED};
 use crate::desk::Desk;
 use crate::fit::{digits, median, spread, spread_words};
 use crate::goal::Goal;
-use crate::matrix::{baked, divided, process_cpu_secs};
+use crate::matrix::{NO_TOLERANCE_DB, baked, divided, process_cpu_secs};
 use crate::rendered::rendered;
 
 const TURNS: u64 = 3;
@@ -115,8 +115,7 @@ fn beside_the_paper(rows: &[Row]) -> String {
 
 /// CPU seconds of a bake and of a picture.
 fn both(scene: &Arc<PreparedScene>, film: Film, spp: u32, seed: u64) -> Result<[f64; 2]> {
-    // A tolerance out of reach: every block takes all its samples.
-    let config = BakeConfig { spp, tolerance_db: 80.0, seed, ..BakeConfig::default() };
+    let config = BakeConfig { spp, tolerance_db: NO_TOLERANCE_DB, seed, ..BakeConfig::default() };
     let bake = baked(scene, film, config)?.0;
     let light = scene.lighting.basis.project(&LightRig::default());
     let config = TraceConfig { spp, bounces: None, seed };

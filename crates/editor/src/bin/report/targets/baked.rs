@@ -80,7 +80,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Bakes beside the targets\n\n\
          Whole bakes of {} pixels from the command line, with the light between surfaces traced and the panel divided into so many\n\
          columns. Blocks stop once they are exact enough, at the latest after the samples that are given: where these do not suffice, the error says so, and the ratio\n\
-         is that of what was reached, and its aim is not tested here, but on blocks with as many samples as the dB take (section Targets, ratios at 40 dB). Errors as the bake tells them, from what two halves of the samples agree about: truncation / sampling / total, and the total of its worst\n\
+         is that of what was reached, and its aim is not tested here, but on blocks with as many samples as two cores take in some minutes (section Targets, ratios at 40 dB). Errors as the bake tells them, from what two halves of the samples agree about: truncation / sampling / total, and the total of its worst\n\
          block. Seconds by the clock; each row is one bake, of seed {}; how far seeds lie apart is told below. A picture of each light by itself, in 32-bit floats as other renderers write them, is the dense matrix: {:.0} MB for 64 lights. {}\n\n\
          | scene | columns | asked for | samples | rank mean / max | MB | dense / file | aimed at | error dB | worst block, dB | s |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n{rows}\n\

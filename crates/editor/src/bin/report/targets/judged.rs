@@ -14,7 +14,8 @@ pub struct Judged {
     noise: Vec<f64>,
     /// What each block says of itself.
     told: Vec<f64>,
-    /// Root mean square of the step of the error from one pixel to the next: across borders of blocks over within.
+    /// Root mean square of the step of the error from one pixel to the next: across borders of blocks over within. Not a number where
+    /// noise of the truths is all that there is.
     pub seams: f64,
 }
 
@@ -105,7 +106,8 @@ fn seams([a, b]: [&Picture; 2]) -> f64 {
         }
     }
     let [within, across] = steps.map(|[sum, count]| sum / count);
-    (across / within).sqrt()
+    // Of two that are both less than nothing the quotient would be a number all the same.
+    if within < 0.0 || across < 0.0 { f64::NAN } else { (across / within).sqrt() }
 }
 
 /// The rows of a pixel.
@@ -199,6 +201,17 @@ mod tests {
         let within = 16.0 * 30.0 / (16.0 * 30.0 + 15.0 * 32.0);
         assert!((even - f64::sqrt(1.0 / within)).abs() < 1e-3, "{even}");
         assert!((seams([&a, &a]) - even).abs() > 0.1, "beside one of them it counts: {}", seams([&a, &a]));
+    }
+
+    #[test]
+    fn where_noise_is_all_that_there_is_no_seam_is_known() {
+        let [a, b] = [1.0f32, -1.0].map(|sign| Picture {
+            width: 32,
+            height: 16,
+            n_cols: 1,
+            values: (0..32 * 16 * 3).map(|i| sign * (i / 3 % 32) as f32).collect(),
+        });
+        assert!(seams([&a, &b]).is_nan(), "all steps are less than nothing: {}", seams([&a, &b]));
     }
 
     #[test]

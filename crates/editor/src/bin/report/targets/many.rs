@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use clerestory_nystrom::Partition;
 use clerestory_nystrom::rivals::{Core, Method};
 
@@ -11,6 +11,7 @@ use super::coded::{Coded, Subject};
 use super::traced::{Asked, Found, HEAD, Limits, MOST_RANK, RIVAL_RANK, Row, Singular, Traced, rows, with_matrix};
 use super::{Goals, RCONDS, Told, cells, soft};
 use crate::desk::Desk;
+use crate::fit::listed;
 use crate::methods::dense::TILE;
 
 /// Tolerances in dB: the ratio is aimed at with the first, multiply-adds with the second.
@@ -21,7 +22,7 @@ const MULTIPLY_ADDS: f64 = 64.0;
 /// What others claim for very many texels, and between which tolerances, in dB, it is looked for how often.
 const CLAIMED: f64 = 4000.0;
 const BETWEEN_DB: [f64; 2] = [10.0, 52.0];
-const N_HALVINGS: usize = 6;
+const N_HALVINGS: i32 = 6;
 /// Every so manyth block that all methods get: of the sharp matrix, and of the bake.
 const STEPS: [usize; 2] = [7, 61];
 /// Seeds of k-means, and of the walks of the bake.
@@ -58,7 +59,7 @@ pub(super) fn sharp(desk: &Desk) -> Result<Told> {
         // Without noise no rank is in the way.
         let (others, rival_rank) = (&[Method::RowId], MOST_RANK);
         let asked = Asked { tolerance_db: target_db, rconds: &rconds, seeds, others, rival_rank };
-        let (found, rcond) = rows(desk, ("sharp shadows", &traced), &singular, &asked);
+        let (found, rcond) = rows(desk, ("sharp shadows", &traced), &singular, &asked)?;
         rconds = vec![rcond];
         some_rows += &table_rows(&found, traced.blocks.len(), target_db);
         sharp_goals(&mut goals, (&coded, &found), n_cols, target_db);
@@ -75,14 +76,15 @@ pub(super) fn sharp(desk: &Desk) -> Result<Told> {
          All methods on every {}th of its blocks, {} of them; dense / bytes as of {} × {} pixels of such blocks, whose direction and tables are in each file once. Median (least…greatest)\n\
          of the seeds {} of k-means where more than one is told.\n\n\
          | asked for | {HEAD}|---|---|---|---|---|---|---|---|---|\n{some_rows}\n\
-         The same blocks, asked for the most dB, to less than one, with which a file is {CLAIMED} times smaller:\n\n{CLAIMED_HEAD}{}",
+         The same blocks, asked for the most dB (found to within {:.1}) with which a file is {CLAIMED} times smaller:\n\n{CLAIMED_HEAD}{}",
         dense as f64 / shared as f64,
         super::HEAD.replacen("method", "asked for", 1),
         desk.choose(4 * STEPS[0], STEPS[0]),
         traced.blocks.len(),
         FILM.width,
         FILM.height,
-        SEEDS.iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
+        listed(SEEDS),
+        found_within_db(desk),
         claimed_rows(&claimed),
     );
     Ok((text, goals))
@@ -107,19 +109,19 @@ pub(super) fn baked(desk: &Desk) -> Result<Told> {
         // What suits noise best is known from the noisy halves.
         let (rconds, rival_rank) = (&[RCONDS[0]], RIVAL_RANK);
         let asked = Asked { tolerance_db: target_db, rconds, seeds, others, rival_rank };
-        let (found, _) = rows(desk, ("diffuse in many columns", &traced), &singular, &asked);
+        let (found, _) = rows(desk, ("diffuse in many columns", &traced), &singular, &asked)?;
         table += &table_rows(&found, traced.blocks.len(), target_db);
-        baked_goals(&mut goals, &found, n_cols, target_db);
+        baked_goals(&mut goals, &found, n_cols, target_db)?;
     }
     let claimed = claimed(desk, ("diffuse in many columns", &traced), &singular)?;
     goals.rows.push(claimed_goal("bake of `diffuse`", n_cols, &claimed));
     let [mean, most] = traced.spp();
     let text = format!(
         "\n### {n_cols} columns, a bake\n\n\
-         `diffuse.glb` with {side} × {side} texels, every {}st block of {} × {} pixels, {} of them, traced as a bake traces them to {finest_db} dB: {mean:.0} samples per pixel in the mean, {most:.0} at most, of {} that were allowed\n\
+         `diffuse.glb` with {side} × {side} texels, one block in {} of {} × {} pixels, {} of them, traced as a bake traces them to {finest_db} dB: {mean:.0} samples per pixel in the mean, {most:.0} at most, of {} that were allowed\n\
          at the end; {} blocks took all of them. Walks of seed {WALK_SEED}. All else is as in the table of ratios at 40 dB above; here the ranks of `svd` end at {RIVAL_RANK}, too, beyond which it would fit nothing but noise, and Algorithm 4 has the threshold {}.\n\n\
          | asked for | {HEAD}|---|---|---|---|---|---|---|---|---|\n{table}\n\
-         The same samples, asked for the most dB, to less than one, with which a file is {CLAIMED} times smaller:\n\n{CLAIMED_HEAD}{}",
+         The same samples, asked for the most dB (found to within {:.1}) with which a file is {CLAIMED} times smaller:\n\n{CLAIMED_HEAD}{}",
         desk.choose(6 * STEPS[1], STEPS[1]),
         FILM.width,
         FILM.height,
@@ -127,6 +129,7 @@ pub(super) fn baked(desk: &Desk) -> Result<Told> {
         2 * traced.most,
         traced.n_open,
         RCONDS[0],
+        found_within_db(desk),
         claimed_rows(&claimed),
     );
     Ok((text, goals))
@@ -154,20 +157,21 @@ fn sharp_goals(goals: &mut Goals, (coded, found): (&Coded, &[Row]), n_cols: usiz
     goals.beside(beside(found, multiply_adds));
 }
 
-fn baked_goals(goals: &mut Goals, found: &[Row], n_cols: usize, target_db: f64) {
-    let Some(ours) = found.first().and_then(Row::middle) else { return };
+fn baked_goals(goals: &mut Goals, found: &[Row], n_cols: usize, target_db: f64) -> Result<()> {
+    let ours = found.first().and_then(Row::middle).context("ours found nothing for blocks of many columns")?;
     let at = format!("{n_cols} columns, blocks of `diffuse` at {target_db} dB");
     if target_db == TOLERANCES_DB[0] {
         let verdict = verdict(ours, RATIO, target_db);
         let what = format!("dense / bytes, {at}");
         goals.rows.push([what, format!("≥ {RATIO}"), words(ours), verdict, beside(found, words)]);
-        return;
+        return Ok(());
     }
     let [unpacked, in_cosines] = ours.multiply_adds;
     for (how, value) in [("as unpacked", unpacked), ("in cosines", in_cosines)] {
         goals.at_most(format!("multiply-adds {how}, {at}"), MULTIPLY_ADDS, value, format!("{value:.0}"));
         goals.beside(beside(found, multiply_adds));
     }
+    Ok(())
 }
 
 /// Figures of all methods but ours, in words.
@@ -183,9 +187,18 @@ fn multiply_adds(found: &Found) -> String {
 /// A method, and the most dB that it can be asked for where a file is as small as others claim; none where it is not at any.
 type Claimed = (String, Option<(f64, Found)>);
 
+fn n_halvings(desk: &Desk) -> i32 {
+    desk.choose(2, N_HALVINGS)
+}
+
+/// By how many dB at most what is found by halving is less than it could be.
+fn found_within_db(desk: &Desk) -> f64 {
+    (BETWEEN_DB[1] - BETWEEN_DB[0]) * 0.5f64.powi(n_halvings(desk))
+}
+
 /// Ours, the best there is, and Algorithm 4.
 fn claimed(desk: &Desk, (name, traced): (&str, &Traced), singular: &Singular) -> Result<Vec<Claimed>> {
-    let n_halvings = desk.choose(2, N_HALVINGS);
+    let n_halvings = n_halvings(desk);
     let mut all = Vec::new();
     let fourth = Method::Alg4(Core::PseudoInverse { rcond: RCONDS[0] });
     for method in [Method::Projected, Method::Svd, fourth] {
@@ -204,11 +217,7 @@ fn claimed(desk: &Desk, (name, traced): (&str, &Traced), singular: &Singular) ->
 }
 
 /// The most dB that can be asked for with at least a ratio, which falls as they grow: by halving what is between two of them.
-fn finest<T>(
-    ratio: f64,
-    n_halvings: usize,
-    mut probe: impl FnMut(f64) -> Result<(f64, T)>,
-) -> Result<Option<(f64, T)>> {
+fn finest<T>(ratio: f64, n_halvings: i32, mut probe: impl FnMut(f64) -> Result<(f64, T)>) -> Result<Option<(f64, T)>> {
     let ([mut low, mut high], mut finest) = (BETWEEN_DB, None);
     for _ in 0..n_halvings {
         let middle = f64::midpoint(low, high);

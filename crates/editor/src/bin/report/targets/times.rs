@@ -1,22 +1,19 @@
 //! What compressing costs beside tracing.
 
-use std::sync::Arc;
-
 use anyhow::Result;
-use clerestory_nystrom::{
-    BlockSamples, ColumnGroup, CompressConfig, Half, Partition, SampledMatrix, Smoothing, Tolerance, compress_block,
-};
+use clerestory_nystrom::{BlockSamples, Half, Partition, SampledMatrix, compress_block};
 use clerestory_transport::camera::Film;
 use clerestory_transport::matrix::CHANNELS;
 
 use super::coded::single_threaded;
-use super::traced::{grid, with_matrix};
+use super::traced::{compression, with_matrix};
 use crate::desk::Desk;
 use crate::matrix::process_cpu_secs;
 
 const FILM: Film = Film { width: 512, height: 384 };
 /// Texels along a side of the panel.
 const SIDE: u32 = 16;
+const TOLERANCE_DB: f64 = 40.0;
 /// Of the walks.
 const SEED: u64 = 1;
 /// Every so manyth block is measured.
@@ -30,7 +27,7 @@ pub fn write(desk: &Desk) -> Result<(String, f64)> {
     let spp = desk.choose(8, 32);
     let mut text = format!(
         "\n### Time to compress beside time to trace\n\n\
-         One block in {STEP} of {} × {} pixels, {spp} samples per pixel and half, CPU milliseconds of one core per block, asked for 40 dB, walks of seed {SEED}.\n\n\
+         One block in {STEP} of {} × {} pixels, {spp} samples per pixel and half, CPU milliseconds of one core per block, asked for {TOLERANCE_DB} dB, walks of seed {SEED}.\n\n\
          | scene | tracing | compressing | share |\n|---|---|---|---|\n",
         FILM.width, FILM.height
     );
@@ -49,15 +46,7 @@ fn measured(desk: &Desk, name: &str, spp: u32) -> Result<[f64; 2]> {
     with_matrix(desk, (name, SIDE), (FILM, SEED), |matrix| {
         let n_cols = matrix.n_cols();
         let partition = Partition { width: FILM.width, height: FILM.height, tile: 16 };
-        let group = ColumnGroup {
-            columns: 0..n_cols,
-            tolerance: Tolerance::AbsoluteMeanSquare(1e-4),
-            preserved: vec![1.0; n_cols],
-            share: 1.0,
-        };
-        let smoothing = Some(Arc::new(Smoothing::new(partition.clone(), CHANNELS, vec![vec![grid(n_cols)]])));
-        let config = CompressConfig { groups: vec![group], strong: 0.25, smoothing, ..CompressConfig::default() };
-
+        let config = compression(&partition, n_cols, TOLERANCE_DB, 1.0);
         let (mut secs, mut pixels) = ([0.0; 2], Vec::new());
         let blocks: Vec<usize> = (STEP / 2..partition.n_blocks()).step_by(STEP).collect();
         for &block_idx in &blocks {

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use super::judged::{Judged, decibels};
 use super::{Goals, Told};
 use crate::desk::Desk;
-use crate::fit::{hundredths, median, tenths};
-use crate::matrix::baked;
+use crate::fit::{hundredths, listed, median, tenths_known};
+use crate::matrix::{NO_TOLERANCE_DB, baked};
 use crate::methods::dense::Picture;
 use crate::methods::own;
 use crate::paper;
@@ -21,22 +21,25 @@ const SCENES: [&str; 4] = ["diffuse", "reflections", "caustics", "mixed"];
 /// Samples per pixel at most, and what is asked for in dB; all samples are taken where nothing is.
 type Way = (u32, Option<f32>);
 const WAYS: [Way; 2] = [(16, None), (64, Some(35.0))];
-/// Out of reach: every block takes all its samples.
-const NO_TOLERANCE_DB: f32 = 80.0;
 /// Of bakes; the references, which are those of the section Noise, have the one before. In a hurry the first alone.
 const SEEDS: &[u64] = &[paper::SEED + 1, paper::SEED + 2, paper::SEED + 3];
 /// Share of the blocks that should tell their error, in percent, and what steps at borders may be of those within.
 const TOLD: f64 = 90.0;
 const SEAMS: f64 = 1.2;
+const HIDDEN: &str = "less than the noise of the references";
+/// Blocks whose error is known, without which nothing is said of how well errors are told.
+const LEAST_KNOWN: usize = 12;
+/// Below these dB seams are never called kept: noise within blocks, which steps at borders are held against, would see to that.
+const LEAST_DB: f64 = 25.0;
 
 /// What was found of a bake.
 #[derive(Serialize, Deserialize)]
 struct Found {
-    /// Of the whole picture.
-    db: f64,
+    /// Of the whole picture; `None` where the noise of the references is all that there is.
+    db: Option<f64>,
     /// As [`Judged::n_told`] has it.
     n_told: [usize; 3],
-    /// As [`Judged`] has it; `None` where the noise of the references is all that there is.
+    /// As [`Judged`] has it; `None` as there.
     seams: Option<f64>,
 }
 
@@ -60,11 +63,12 @@ pub(super) fn write(desk: &Desk) -> Result<Told> {
          once they are as exact as asked. They are held against two references of {reference_spp} samples per pixel each (both halves of seed {}), neither compressed nor denoised. A block's error is the mean of (x − a)(x − b) over its entries, and steps of it\n\
          from pixel to pixel are multiplied alike, so that noise of the references does not count; each column in the scale that bakes tell their errors in, lights that are seen left out. Told: blocks of all seeds that tell their error to between\n\
          0.8 and 1.25 of it, root mean square, of those whose error is known; hidden are those whose error is less than the noise of the mean of both references, the mean of (a − b)² / 4. dB and seams are of all\n\
-         blocks, median (least…greatest) of the seeds; \"—\" where noise of the references is all that there is.\n\n\
+         blocks, median (least…greatest) of the seeds; \"—\" where noise of the references is all that there is. How well errors are told is judged where {LEAST_KNOWN} blocks of a scene are known, and seams\n\
+         by each way of which they are known; below {LEAST_DB} dB they can be missed, but not kept, as noise within blocks is what steps at borders are held against.\n\n\
          | scene | samples | asked for | dB | told | hidden | seams |\n|---|---|---|---|---|---|---|\n{rows}",
         film.width,
         film.height,
-        seeds(desk).iter().map(u64::to_string).collect::<Vec<_>>().join(", "),
+        listed(seeds(desk)),
         paper::SEED,
     );
     Ok((text, goals))
@@ -99,8 +103,7 @@ impl Found {
         let told = told.into_iter().map(|db| db.map_or(0.0, |db| 10f64.powf(-0.1 * f64::from(db)))).collect();
         let judged = Judged::of_errors([&a, &b], &header.partition(), told);
         Found {
-            // No error is told as less than nothing.
-            db: decibels(judged.mean_square().max(1e-12)),
+            db: Some(judged.mean_square()).filter(|square| *square > 0.0).map(decibels),
             n_told: judged.n_told(),
             seams: Some(judged.seams).filter(|seams| seams.is_finite()),
         }
@@ -122,9 +125,21 @@ fn n_told<'a>(found: impl Iterator<Item = &'a Found>) -> [usize; 3] {
     found.fold([0; 3], |sum: [usize; 3], found| std::array::from_fn(|nth| sum[nth] + found.n_told[nth]))
 }
 
+fn dbs(found: &[Found]) -> Vec<Option<f64>> {
+    found.iter().map(|found| found.db).collect()
+}
+
 /// Seams of some bakes; `None` where one of them is not known.
 fn seams(found: &[Found]) -> Option<Vec<f64>> {
     found.iter().map(|found| found.seams).collect()
+}
+
+/// Median seams of the bakes of a way, and whether they say something; `None` where they are not known.
+fn judged_seams(found: &[Found]) -> Option<(f64, bool)> {
+    let seams = median(&seams(found)?)?;
+    let db = dbs(found).into_iter().collect::<Option<Vec<f64>>>().and_then(|dbs| median(&dbs));
+    // Errors that are not known are less than the noise of the references.
+    Some((seams, seams > SEAMS || db.is_none_or(|db| db >= LEAST_DB)))
 }
 
 /// Bakes of one way, with all seeds.
@@ -133,29 +148,32 @@ fn row(name: &str, (spp, asked_db): Way, found: &[Found]) -> String {
     format!(
         "| {name} | {spp} | {} | {} | {well} of {known} | {} of {all} | {} |\n",
         asked_db.map_or("all samples".into(), |db| format!("{db} dB")),
-        tenths(found.iter().map(|found| found.db).collect()),
+        tenths_known(&dbs(found)),
         all - known,
         seams(found).map_or("—".into(), hundredths),
     )
 }
 
-/// What is judged of a scene: blocks of all its bakes together, and seams in the way that has the greater ones.
+/// What is judged of a scene: blocks of all its bakes together, and seams in that of the ways of which they are known that has the
+/// greatest.
 fn add_goals(goals: &mut Goals, name: &str, ways: &[Vec<Found>]) {
     let what = format!("errors that the halves tell to 0.8 … 1.25, %, bakes of `{name}`");
     let [well, known, _] = n_told(ways.iter().flatten());
-    if known > 0 {
-        let share = 100.0 * well as f64 / known as f64;
-        goals.at_least(what, TOLD, share, format!("{share:.0}, {well} of {known}"));
-    } else {
-        goals.figure(what, "less than the noise of the references", "—".into());
+    let share = 100.0 * well as f64 / known as f64;
+    let words = format!("{share:.0}, {well} of {known}");
+    match known {
+        0 => goals.figure(what, HIDDEN, "—".into()),
+        1..LEAST_KNOWN => goals.figure(what, "too few blocks are known", words),
+        _ => goals.at_least(what, TOLD, share, words),
     }
     let what = format!("seams, bakes of `{name}`");
-    let of_ways: Option<Vec<f64>> = ways.iter().map(|found| median(&seams(found)?)).collect();
-    if let Some(of_ways) = of_ways {
-        let words: Vec<String> = of_ways.iter().map(|seams| format!("{seams:.2}")).collect();
-        goals.at_most(what, SEAMS, of_ways.into_iter().fold(0.0, f64::max), words.join(", "));
-    } else {
-        goals.figure(what, "less than the noise of the references", "—".into());
+    let of_ways: Vec<(f64, bool)> = ways.iter().filter_map(|found| judged_seams(found)).collect();
+    let words = of_ways.iter().map(|(seams, _)| format!("{seams:.2}")).collect::<Vec<_>>().join(", ");
+    let judged = of_ways.iter().filter(|(_, says)| *says).map(|(seams, _)| *seams);
+    match judged.reduce(f64::max) {
+        Some(greatest) => goals.at_most(what, SEAMS, greatest, words),
+        None if of_ways.is_empty() => goals.figure(what, HIDDEN, "—".into()),
+        None => goals.figure(what, "too noisy to judge", words),
     }
 }
 
@@ -168,7 +186,7 @@ mod tests {
     use super::*;
 
     fn found(db: f64, n_told: [usize; 3], seams: Option<f64>) -> Found {
-        Found { db, n_told, seams }
+        Found { db: Some(db), n_told, seams }
     }
 
     #[test]
@@ -176,8 +194,8 @@ mod tests {
         let of_seeds = [found(30.0, [9, 12, 12], Some(1.1)), found(32.0, [8, 10, 12], Some(1.3))];
         let words = row("diffuse", WAYS[1], &of_seeds);
         assert_eq!(words, "| diffuse | 64 | 35 dB | 31.0 (30.0…32.0) | 17 of 22 | 2 of 24 | 1.20 (1.10…1.30) |\n");
-        let words = row("mixed", WAYS[0], &[found(30.0, [0, 0, 12], None)]);
-        assert_eq!(words, "| mixed | 16 | all samples | 30.0 | 0 of 0 | 12 of 12 | — |\n");
+        let words = row("mixed", WAYS[0], &[Found { db: None, n_told: [0, 0, 12], seams: None }]);
+        assert_eq!(words, "| mixed | 16 | all samples | — | 0 of 0 | 12 of 12 | — |\n");
     }
 
     #[test]
@@ -194,6 +212,22 @@ mod tests {
         let hidden = told(&[vec![found(60.0, [0, 0, 12], None)]]);
         let nothing = ["less than the noise of the references", "—", "—"];
         assert_eq!(hidden, [nothing, nothing]);
+        // Seams of the way that is known count, and few blocks are no verdict.
+        let half_hidden = told(&[vec![found(30.0, [5, 11, 12], Some(1.3))], vec![found(60.0, [0, 0, 12], None)]]);
+        assert_eq!(half_hidden[0], ["too few blocks are known", "45, 5 of 11", "—"]);
+        assert_eq!(half_hidden[1], ["≤ 1.2", "1.30", "**missed**"]);
+    }
+
+    #[test]
+    fn bakes_full_of_noise_never_keep_their_seams() {
+        let verdict = |db: f64, seams: f64| {
+            let mut goals = Goals::default();
+            add_goals(&mut goals, "mixed", &[vec![found(db, [10, 12, 12], Some(seams))]]);
+            goals.rows.pop().map(|[_, goal, _, verdict, _]| [goal, verdict]).unwrap()
+        };
+        assert_eq!(verdict(25.0, 0.4), ["≤ 1.2", "kept"]);
+        assert_eq!(verdict(14.0, 0.4), ["too noisy to judge", "—"]);
+        assert_eq!(verdict(14.0, 1.3), ["≤ 1.2", "**missed**"]);
     }
 
     #[test]
@@ -211,7 +245,7 @@ mod tests {
             entries
         };
         let found = Found::new(&bake, &[off(), off()]);
-        assert!((found.db - 20.0).abs() < 0.01, "{} dB", found.db);
+        assert!((found.db.unwrap() - 20.0).abs() < 0.01, "{:?} dB", found.db);
         assert_eq!((found.n_told[1..].to_vec(), found.seams), (vec![1, 1], None));
     }
 }

@@ -109,7 +109,7 @@ fn allowed(tolerance_db: f64) -> f32 {
 }
 
 /// What a bake asks of its blocks; a share of the tolerance is left to the ranks.
-fn compression(partition: &Partition, n_cols: usize, tolerance_db: f64, share: f32) -> CompressConfig {
+pub fn compression(partition: &Partition, n_cols: usize, tolerance_db: f64, share: f32) -> CompressConfig {
     let group = ColumnGroup {
         columns: 0..n_cols,
         tolerance: Tolerance::AbsoluteMeanSquare(share * allowed(tolerance_db)),

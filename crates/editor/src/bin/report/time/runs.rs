@@ -14,7 +14,7 @@ use clerestory_transport::trace::TraceConfig;
 
 use super::{Measured, Point, Subject, TARGETS_DB, Way, prepared};
 use crate::desk::Desk;
-use crate::matrix::{baked, process_cpu_secs};
+use crate::matrix::{NO_TOLERANCE_DB, baked, process_cpu_secs};
 use crate::reference::{Reference, Sampling, uncompressed};
 use crate::rendered::rendered;
 use crate::under_way::{ends_a_pass, run_until};
@@ -36,8 +36,6 @@ const MOST_SPOT_SPP: u32 = 256;
 pub(super) const SOME: usize = 16;
 /// Ways of ours that take more samples where that tells more.
 const FURTHER: [Way; 2] = [Way::Fast, Way::Exact];
-/// Out of reach: every block takes all its samples.
-const NO_TOLERANCE_DB: f32 = 80.0;
 /// Middles of the spots on a panel, and their radius in its shorter sides.
 const SPOTS: [[f32; 2]; 3] = [[0.5, 0.5], [0.2, 0.7], [0.85, 0.25]];
 const SPOT_RADIUS: f32 = 0.15;

@@ -17,7 +17,7 @@ use crate::fit::{hundredths, median, tenths, wholes};
 use crate::methods::dense::{CHANNELS, TILE};
 use crate::targets::coded::BRIGHT;
 use crate::targets::judged::decibels;
-use crate::targets::{merit, order};
+use crate::targets::{SLACK_DB, merit, order};
 
 /// Share of a tolerance up to which a block counts as exact enough: bakes stop there, since a fit to a half is a little worse.
 const ENOUGH: f64 = 1.05;
@@ -128,14 +128,22 @@ pub struct Asked<'a> {
 }
 
 /// A row of ours, of the best there is, of Algorithm 4 with the threshold that suits it best, and of the others; and that threshold.
-pub fn rows(desk: &Desk, (name, traced): (&str, &Traced), singular: &Singular, asked: &Asked<'_>) -> (Vec<Row>, f64) {
+///
+/// # Errors
+/// If ours finds no factors.
+pub fn rows(
+    desk: &Desk,
+    (name, traced): (&str, &Traced),
+    singular: &Singular,
+    asked: &Asked<'_>,
+) -> Result<(Vec<Row>, f64)> {
     let (tolerance_db, first, rival_rank) = (asked.tolerance_db, asked.seeds[0], asked.rival_rank);
     let say = |method: Method| desk.say(&format!("{method} on traced blocks of {name} at {tolerance_db} dB"));
     say(Method::Projected);
-    let ours = traced.found((Method::Projected, first), MOST_RANK, tolerance_db);
+    let ours = traced.found((Method::Projected, first), MOST_RANK, tolerance_db)?;
     say(Method::Svd);
     let mut rows =
-        vec![Row::new(Method::Projected, [ours]), Row::new(Method::Svd, [singular.found(traced, tolerance_db)])];
+        vec![Row::new(Method::Projected, [Ok(ours)]), Row::new(Method::Svd, [singular.found(traced, tolerance_db)])];
     let fourth = |rcond: f64, seeds: &[u64]| {
         let method = Method::Alg4(Core::PseudoInverse { rcond });
         say(method);
@@ -152,7 +160,7 @@ pub fn rows(desk: &Desk, (name, traced): (&str, &Traced), singular: &Singular, a
         say(method);
         rows.push(Row::new(method, [traced.found((method, first), rival_rank, tolerance_db)]));
     }
-    (rows, rcond)
+    Ok((rows, rcond))
 }
 
 /// Head of a table of rows, behind the cells that come first.
@@ -187,7 +195,7 @@ impl Row {
         if self.found.is_empty() {
             return format!("`{}` | {} | | | | | | |\n", self.name, self.failure);
         }
-        let is_short = median(&self.all(|found| found.db)).is_none_or(|db| db < tolerance_db);
+        let is_short = median(&self.all(|found| found.db)).is_none_or(|db| db < tolerance_db - SLACK_DB);
         let [unpacked, in_cosines] =
             [self.all(|found| found.multiply_adds[0]), self.all(|found| found.multiply_adds[1])].map(wholes);
         format!(
@@ -242,6 +250,8 @@ mod tests {
     fn a_row_tells_how_far_seeds_lie_apart_and_what_is_short_of_the_tolerance() {
         let mut row = Row::new(Method::Svd, [Ok(found(40.0, 100.0))]);
         assert!(row.cells(3, 40.0).starts_with("`svd` | 40.0 | 30.0 | 2 of 3 | 1.50 | 400 | 100× | 8 / 4 |"));
+        let nearly = Row::new(Method::Svd, [Ok(found(39.5, 100.0))]);
+        assert!(nearly.cells(3, 40.0).starts_with("`svd` | 39.5 | "), "no more than half a decibel is lacking");
         row.extend(Row::new(Method::Svd, [Ok(found(38.0, 120.0)), Ok(found(39.0, 90.0))]));
         let cells = row.cells(3, 40.0);
         assert!(cells.starts_with("`svd` | 39.0 (38.0…40.0), short of it | "), "{cells}");
