@@ -208,6 +208,8 @@ struct Packer<'a> {
     plan: &'a PackPlan,
     /// See [`PackedMatrix`].
     direction: Vec<f32>,
+    /// See [`border_weight`].
+    border_weight: f32,
 }
 
 /// A block that is being packed.
@@ -233,13 +235,12 @@ impl<'a> Packer<'a> {
         let is_direction = norm > 0.0 && norm.is_finite() && plan.preserved.len() == layout.n_cols();
         let unit = |x: &f32| (f64::from(*x) / norm) as f32;
         let direction = if is_direction { plan.preserved.iter().map(unit).collect() } else { Vec::new() };
-        Self { matrix, layout, plan, direction }
+        Self { matrix, layout, plan, direction, border_weight: border_weight(plan.allowed, plan.strong) }
     }
 
     fn unrounded(&self, block_idx: usize) -> Option<Unrounded<'a>> {
         let factors = self.matrix.blocks[block_idx].as_deref()?;
-        let weight = border_weight(self.plan.allowed, self.plan.strong);
-        let coefficients = Coefficients::new(factors, block_idx, self.layout, weight);
+        let coefficients = Coefficients::new(factors, block_idx, self.layout, self.border_weight);
         let (left, right) = both(factors);
         let kept = product_with(&left.data, &right.data, left.n_cols, &self.direction, left.n_rows);
         let own_error = f64::from(factors.error.truncation.max(0.0) + factors.error.sampling.max(0.0));

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::prepared::PreparedScene;
-use crate::sheets::{LOOKS, is_solid, met_from_within, named};
+use crate::sheets::{is_solid, met_from_within, named, some_of};
 
 /// Node and material of a solid.
 type Solid = (u32, u32);
@@ -46,10 +46,10 @@ fn called(scene: &PreparedScene, (node, material): Solid) -> String {
 
 /// The other solid in which half of the surface of one lies, or more.
 fn around(scene: &PreparedScene, inner: Solid, triangles: &[u32]) -> Option<Solid> {
-    let looks = triangles.iter().step_by(triangles.len().div_ceil(LOOKS).max(1));
+    let looks = some_of(triangles);
     let n_looks = looks.len();
     let mut found: BTreeMap<Solid, usize> = BTreeMap::new();
-    for solid in looks.filter_map(|&triangle| outside(scene, triangle)).filter(|solid| *solid != inner) {
+    for solid in looks.filter_map(|triangle| outside(scene, triangle)).filter(|solid| *solid != inner) {
         *found.entry(solid).or_default() += 1;
     }
     let (outer, n_within) = found.into_iter().max_by_key(|(_, n)| *n)?;

@@ -90,7 +90,7 @@ fn flux(scene: &Scene, triangles: &[u32]) -> Option<f32> {
             return None;
         }
         let sides = if material.double_sided { 2.0 } else { 1.0 };
-        let area = 0.5 * scene.mesh.area_normal(triangle).length();
+        let area = scene.mesh.area_m2(triangle);
         flux += f64::from(PI * area * sides * luminance(material.emitted_radiance()));
         brightest = brightest.max(material.emitted_radiance());
     }

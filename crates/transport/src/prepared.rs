@@ -404,8 +404,7 @@ impl PreparedScene {
         let mesh = &self.scene.mesh;
         let (mut theirs, mut all) = (0.0, 0.0);
         for triangle in 0..mesh.triangles.len() as u32 {
-            let [a, b, c] = mesh.corners(triangle).map(Vec3::as_dvec3);
-            let area = (b - a).cross(c - a).length();
+            let area = f64::from(mesh.area_m2(triangle));
             all += area;
             theirs += if is_one(triangle) { area } else { 0.0 };
         }

@@ -184,6 +184,11 @@ impl Mesh {
         (b - a).cross(c - a)
     }
 
+    /// Area of a triangle, m².
+    pub fn area_m2(&self, triangle: u32) -> f32 {
+        0.5 * self.area_normal(triangle).length()
+    }
+
     /// Smallest box around all vertices that a triangle uses, `None` without triangles.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let mut corners = self.triangles.iter().flatten().map(|&v| self.positions[v as usize]);

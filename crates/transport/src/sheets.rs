@@ -11,8 +11,8 @@ use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::Material;
 
-/// Triangles of a body of glass from which it is looked for other glass.
-pub(crate) const LOOKS: usize = 32;
+/// Triangles of a body of glass from which it is looked for other glass, about.
+const LOOKS: usize = 32;
 /// Names that are told.
 const MOST_NAMED: usize = 3;
 
@@ -24,10 +24,7 @@ pub(crate) fn warning(scene: &PreparedScene) -> Option<String> {
             glass.entry(node).or_default().push(triangle);
         }
     }
-    let is_open = |triangles: &[u32]| {
-        let step = triangles.len().div_ceil(LOOKS).max(1);
-        !triangles.iter().step_by(step).any(|&triangle| has_other_side(scene, triangle))
-    };
+    let is_open = |triangles: &[u32]| !some_of(triangles).any(|triangle| has_other_side(scene, triangle));
     let open = glass.into_iter().filter(|(_, triangles)| is_open(triangles));
     let open: Vec<String> = open.map(|(node, _)| format!("`{}`", scene.scene.nodes[node as usize].key())).collect();
     (!open.is_empty()).then(|| {
@@ -37,6 +34,11 @@ pub(crate) fn warning(scene: &PreparedScene) -> Option<String> {
             named(&open)
         )
     })
+}
+
+/// Triangles of a body from which it is looked for other glass, all over it.
+pub(crate) fn some_of(triangles: &[u32]) -> impl ExactSizeIterator<Item = u32> {
+    triangles.iter().copied().step_by(triangles.len().div_ceil(LOOKS).max(1))
 }
 
 /// The first of some names, and how many more there are.

@@ -92,7 +92,7 @@ impl Cluster {
 impl Clusters {
     /// Of all triangles that have an area.
     pub(super) fn of(mesh: &Mesh, triangles: &[u32]) -> Clusters {
-        let total: f32 = triangles.iter().map(|&t| 0.5 * mesh.area_normal(t).length()).sum();
+        let total: f32 = triangles.iter().map(|&t| mesh.area_m2(t)).sum();
         if total.is_nan() || total <= 0.0 || !total.is_finite() {
             return Clusters::default();
         }

@@ -79,11 +79,8 @@ impl Strips {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::patches::vector::tests::numbers;
     use crate::sampler::uniform_hash;
-
-    fn numbers(n: usize, key: u64) -> Vec<f32> {
-        (0..n as u64).map(|nth| uniform_hash(key + nth) - 0.5).collect()
-    }
 
     #[test]
     fn a_table_comes_back_from_its_strips() {

@@ -41,7 +41,7 @@ pub(super) fn sums(base: &[[f32; STRIP]], links: &[Vec<Link>], table: &[[f32; ST
 }
 
 // Closures would be compiled for any machine.
-mod anywhere {
+mod plain {
     use half::bf16;
 
     use super::{AT_ONCE, Link, STRIP, single};
@@ -70,43 +70,30 @@ mod anywhere {
     }
 }
 
-mod plain {
-    use half::bf16;
-
-    use super::{AT_ONCE, Link, STRIP, anywhere};
-
-    pub(super) fn add_rows(out: &mut [f32], rows: [(f32, &[bf16]); AT_ONCE]) {
-        anywhere::add_rows(out, rows);
-    }
-
-    pub(super) fn sums(base: &[[f32; STRIP]], links: &[Vec<Link>], table: &[[f32; STRIP]]) -> Vec<[f32; STRIP]> {
-        anywhere::sums(base, links, table)
-    }
-}
-
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     use half::bf16;
 
-    use super::{AT_ONCE, Link, STRIP, anywhere};
+    use super::{AT_ONCE, Link, STRIP, plain};
 
     #[target_feature(enable = "avx2")]
     pub(super) fn add_rows(out: &mut [f32], rows: [(f32, &[bf16]); AT_ONCE]) {
-        anywhere::add_rows(out, rows);
+        plain::add_rows(out, rows);
     }
 
     #[target_feature(enable = "avx2")]
     pub(super) fn sums(base: &[[f32; STRIP]], links: &[Vec<Link>], table: &[[f32; STRIP]]) -> Vec<[f32; STRIP]> {
-        anywhere::sums(base, links, table)
+        plain::sums(base, links, table)
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::sampler::uniform_hash;
 
-    fn numbers(n: usize, key: u64) -> Vec<f32> {
+    /// Numbers around 0.
+    pub fn numbers(n: usize, key: u64) -> Vec<f32> {
         (0..n as u64).map(|nth| uniform_hash(key + nth) - 0.5).collect()
     }
 

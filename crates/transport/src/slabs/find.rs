@@ -93,7 +93,7 @@ fn slab(scene: &Scene, body: &[u32]) -> Option<Slab> {
 /// Triangles of the back and the front of a body, and the unit normal of the front; `None` where one of both is not there, or bent
 /// by its normals.
 fn faces(mesh: &Mesh, body: &[u32]) -> Option<([Vec<u32>; 2], Vec3)> {
-    let largest = *body.iter().max_by(|a, b| area(mesh, **a).total_cmp(&area(mesh, **b)))?;
+    let largest = *body.iter().max_by(|a, b| mesh.area_m2(**a).total_cmp(&mesh.area_m2(**b)))?;
     let toward = mesh.area_normal(largest).try_normalize()?;
     let (mut triangles, mut sum) = ([Vec::new(), Vec::new()], Vec3::ZERO);
     for &triangle in body {
@@ -135,11 +135,7 @@ fn around(mesh: &Mesh, triangles: &[u32]) -> Bounds {
 
 /// About the shorter extent of a flat face, m: its area over its greatest extent.
 fn shorter_side(mesh: &Mesh, face: &[u32]) -> f32 {
-    let total: f32 = face.iter().map(|&t| area(mesh, t)).sum();
+    let total: f32 = face.iter().map(|&t| mesh.area_m2(t)).sum();
     let bounds = around(mesh, face);
     total / (bounds.hi - bounds.lo).length()
-}
-
-fn area(mesh: &Mesh, triangle: u32) -> f32 {
-    0.5 * mesh.area_normal(triangle).length()
 }
