@@ -155,7 +155,6 @@ impl Subject {
         let mut packing = begun.elapsed().as_secs_f64();
         let mut bytes = Vec::new();
         packed.encode(&mut bytes);
-        let [right, left] = packed.product()?.n_multiplications();
         let (read, n_bytes) = match coding.storage {
             Storage::Packed => (packed.unpack()?, bytes.len()),
             Storage::SharedRight => {
@@ -171,10 +170,8 @@ impl Subject {
             Storage::Single => Judged::beside(&self.truth, self.in_single(&config, &partition, coding)?, &read),
             _ => Judged::new(&self.truth, &read),
         };
-        let n_pixels = self.truth.width * self.truth.height;
-        let ranks: usize = read.blocks.iter().flatten().map(|block| block.rank as usize).sum();
         Ok(Coded {
-            multiply_adds: [ranks * n_cols, right].map(|right| (CHANNELS * right + left) as f64 / n_pixels as f64),
+            multiply_adds: multiply_adds(&packed, &read, self.truth.width * self.truth.height)?,
             ratio: read.dense_bytes() as f64 / n_bytes as f64,
             mean_rank: f64::from(read.mean_rank()),
             millis: [compressing, packing].map(|secs| secs * 1e3 / matrix.blocks.len() as f64),
@@ -236,6 +233,17 @@ impl Subject {
             n_samples: [1; 2],
         }
     }
+}
+
+/// Multiplications per pixel and picture of what was packed and of what is read back, as [`Coded::multiply_adds`] has them.
+///
+/// # Errors
+/// If bytes cannot be read that were packed.
+pub fn multiply_adds(packed: &PackedMatrix, read: &BlockLowRank, n_pixels: usize) -> Result<[f64; 2]> {
+    let [in_cosines, left] = packed.product()?.n_multiplications();
+    let ranks: usize = read.blocks.iter().flatten().map(|block| block.rank as usize).sum();
+    let per_pixel = |right: usize| (CHANNELS * right + left) as f64 / n_pixels as f64;
+    Ok([ranks * read.n_cols as usize, in_cosines].map(per_pixel))
 }
 
 /// Bytes of factors in single precision, which need no scales.

@@ -15,7 +15,7 @@ use super::{Block, Traced, allowed, compression, grid};
 use crate::desk::Desk;
 use crate::fit::{hundredths, median, tenths, wholes};
 use crate::methods::dense::{CHANNELS, TILE};
-use crate::targets::coded::BRIGHT;
+use crate::targets::coded::{BRIGHT, multiply_adds};
 use crate::targets::judged::decibels;
 use crate::targets::{SLACK_DB, merit, order};
 
@@ -80,9 +80,6 @@ impl Traced {
         let once = (packed.n_bytes() - packed.block_bytes()) as f64;
         let dense_bytes = (CHANNELS * TILE * TILE * self.n_cols * size_of::<f32>()) as f64;
         let read = packed.unpack()?;
-        let [right, left] = packed.product()?.n_multiplications();
-        let n_pixels = (self.blocks.len() * TILE * TILE) as f64;
-        let ranks: usize = read.blocks.iter().flatten().map(|block| block.rank as usize).sum();
         // No error is told as less than nothing.
         let db = |mean_square: f64| decibels(mean_square.max(1e-12));
         Ok(Found {
@@ -92,7 +89,7 @@ impl Traced {
             mean_rank: f64::from(read.mean_rank()),
             block_bytes,
             ratio: ratio_of_frame(self.frame_blocks, dense_bytes, block_bytes, once),
-            multiply_adds: [ranks * self.n_cols, right].map(|right| (CHANNELS * right + left) as f64 / n_pixels),
+            multiply_adds: multiply_adds(&packed, &read, self.blocks.len() * TILE * TILE)?,
         })
     }
 }
