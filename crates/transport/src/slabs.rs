@@ -98,7 +98,7 @@ impl Bounds {
         Bounds { lo: self.lo.min(point), hi: self.hi.max(point) }
     }
 
-    fn grown(self, by: f32) -> Bounds {
+    fn grown(self, by: Vec3) -> Bounds {
         Bounds { lo: self.lo - by, hi: self.hi + by }
     }
 

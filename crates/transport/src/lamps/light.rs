@@ -169,7 +169,7 @@ impl Lamp {
             return Through { first, way: route.map(|route| Way { route, end: None }) };
         }
         let body = self.body();
-        if body.is_some_and(|body| slabs.are_beside(position, body.ball())) {
+        if body.is_some_and(|body| slabs.are_beside((position, Vec3::ZERO), body.ball())) {
             return nothing;
         }
         let Some(end) = self.point(u) else { return nothing };
@@ -181,6 +181,16 @@ impl Lamp {
         });
         let route = may_carry.then(|| slabs.bent(&way)).flatten();
         Through { first: Some(way.first()), way: route.map(|route| Way { route, end: Some(end.position) }) }
+    }
+
+    /// Whether nothing of it comes through slabs to the places of a box, middle and half of its sides.
+    pub(crate) fn is_beside(&self, slabs: &Slabs, places: (Vec3, Vec3)) -> bool {
+        let ball = match &self.form {
+            Form::Point { light, .. } => (light.position, 0.0),
+            Form::Body(body) => body.ball(),
+            Form::Distant { .. } => return slabs.is_empty(),
+        };
+        slabs.is_empty() || slabs.are_beside(places, ball)
     }
 
     /// What the point at the end of a way sends to the place where it begins.

@@ -203,11 +203,14 @@ fn a_way_is_bent_between_straight_on_and_all_of_it_in_air() {
 fn no_way_leads_through_slabs_that_are_beside() {
     let slabs = double_window(lambert(ALBEDO, 0.0)).slabs;
     let mut n = [0; 2];
-    for (case, [from, center]) in (0..10_000).map(|case| (case, around(case))) {
+    for (case, [middle, center]) in (0..10_000).map(|case| (case, around(case))) {
         let mut sampler = Sampler::new(12, case, 0);
+        let ([x, y], z, [u, v], w) = (sampler.next_2d(), sampler.next_1d(), sampler.next_2d(), sampler.next_1d());
+        let half = 0.4 * Vec3::new(x, y, z);
+        let from = middle + half * (2.0 * Vec3::new(u, v, w) - 1.0);
         let radius = 0.3 * sampler.next_1d();
         let to = center + uniform_sphere(sampler.next_2d()) * radius * sampler.next_1d();
-        let are_beside = slabs.are_beside(from, (center, radius));
+        let are_beside = slabs.are_beside((middle, half), (center, radius));
         assert!(!are_beside || slabs.route(from, to).is_none(), "{from} to {to}");
         n[usize::from(are_beside)] += 1;
     }

@@ -84,7 +84,7 @@ fn slab(scene: &Scene, body: &[u32]) -> Option<Slab> {
         return None;
     }
     let center = middle + normal * (0.5 * (mean(front) + mean(back)));
-    let bounds = bounds.grown(rounding + MOST_ASIDE * thickness);
+    let bounds = bounds.grown(Vec3::splat(rounding + MOST_ASIDE * thickness));
     let facets = triangles.map(|face| face.into_iter().map(|triangle| Facet::new(mesh, triangle)).collect());
     // What lies in it is found when all are.
     Some(Slab { normal, center, thickness, ior, outline, bounds, facets, looks: looks(scene, body), is_free: false })

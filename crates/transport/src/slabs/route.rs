@@ -44,8 +44,7 @@ impl Row {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Route {
     row: Row,
-    /// Where the glass of each slab is entered and left.
-    points: [[Vec3; 2]; IN_A_ROW],
+    from: Vec3,
     /// Unit direction outside of the glass.
     pub(crate) direction: Vec3,
     /// What stands for one over the squared distance of the ends.
@@ -104,17 +103,9 @@ impl Route {
         end - self.direction / self.closeness.sqrt()
     }
 
-    /// In a direction, through nothing yet.
-    fn along(direction: Vec3) -> Route {
-        Route { row: Row::default(), points: Default::default(), direction, closeness: 1.0 }
-    }
-
-    /// Goes on through a slab that is entered at a place; where it leaves that. `None` where it goes through no more.
-    fn pass(&mut self, idx: u32, slab: &Slab, into: Vec3) -> Option<Vec3> {
-        let (nth, out) = (self.row.n, slab.through(into, self.direction));
-        self.row.push(idx)?;
-        self.points[nth] = [into, out];
-        Some(out)
+    /// From a point in a direction, through nothing yet.
+    fn along(from: Vec3, direction: Vec3) -> Route {
+        Route { row: Row::default(), from, direction, closeness: 1.0 }
     }
 }
 
@@ -159,9 +150,9 @@ impl Slabs {
         if slab.first_face(direction) != face {
             return None;
         }
-        let into = from + direction * slab.entered(from, direction)?;
-        let mut route = Route::along(direction);
-        route.pass(idx, slab, into)?;
+        slab.entered(from, direction)?;
+        let mut route = Route::along(from, direction);
+        route.row.push(idx)?;
         Some(route)
     }
 
@@ -175,21 +166,25 @@ impl Slabs {
 
     /// The faces that a route goes through, in order.
     pub(crate) fn crossings<'a>(&'a self, route: &'a Route) -> impl Iterator<Item = Crossing<'a>> {
-        route.slabs().iter().zip(&route.points).flat_map(|(&slab, points)| {
+        let (direction, mut at) = (route.direction, route.from);
+        route.slabs().iter().flat_map(move |&slab| {
             let slab = &self.slabs[slab as usize];
-            let first = slab.first_face(route.direction) as usize;
-            let looks = slab.looks.as_ref();
-            let at = |point, face: usize, is_free| Crossing { point, facets: &slab.facets[face], looks, is_free };
-            [at(points[0], first, false), at(points[1], 1 - first, slab.is_free)]
+            let into = at + direction * slab.distance(at, direction);
+            at = slab.through(into, direction);
+            let (first, looks) = (slab.first_face(direction) as usize, slab.looks.as_ref());
+            let crossing = |point, face: usize, is_free| Crossing { point, facets: &slab.facets[face], looks, is_free };
+            [crossing(into, first, false), crossing(at, 1 - first, slab.is_free)]
         })
     }
 
-    /// Whether the boxes of all slabs lie beside the segments from a place to the points of a ball, middle and radius.
-    pub(crate) fn are_beside(&self, from: Vec3, (center, radius): (Vec3, f32)) -> bool {
-        let span = Bounds::default().with(from).with(center - radius).with(center + radius);
+    /// Whether the boxes of all slabs lie beside the segments from the places of a box, middle and half of its sides, to the points of a
+    /// ball, middle and radius.
+    pub(crate) fn are_beside(&self, (from, half): (Vec3, Vec3), (center, radius): (Vec3, f32)) -> bool {
+        // Each of them is no farther than that from the segment between both middles, at the same share of the way.
+        let (inverse, by) = (1.0 / (center - from), half.max(Vec3::splat(radius)));
+        let may_be_met = |bounds: &Bounds| bounds.grown(by).is_met(from, inverse);
         let mut are_beside = true;
-        let overlaps = |bounds: &Bounds| bounds.overlaps(&span);
-        self.tree.each(overlaps, |slab| are_beside &= !overlaps(&self.slabs[slab as usize].bounds));
+        self.tree.each(may_be_met, |slab| are_beside &= !may_be_met(&self.slabs[slab as usize].bounds));
         are_beside
     }
 
@@ -345,7 +340,7 @@ impl Slabs {
 
     /// The path from the first of two points in a direction through the slabs on it between both; `None` where there are too many.
     fn followed(&self, ends: [Vec3; 2], direction: Vec3) -> Option<Route> {
-        let mut route = Route::along(direction);
+        let mut route = Route::along(ends[0], direction);
         let (mut at, reach) = (ends[0], direction * ends[0].distance(ends[1]));
         loop {
             let mut next: Option<(f32, u32)> = None;
@@ -359,7 +354,8 @@ impl Slabs {
                 }
             });
             let Some((t, idx)) = next else { return Some(route) };
-            at = route.pass(idx, &self.slabs[idx as usize], at + direction * t)?;
+            route.row.push(idx)?;
+            at = self.slabs[idx as usize].through(at + direction * t, direction);
         }
     }
 }
@@ -436,11 +432,16 @@ impl Slab {
 
     /// Distance at which a ray enters the glass, m; `None` where it does not, or grazes it.
     fn entered(&self, from: Vec3, direction: Vec3) -> Option<f32> {
-        let (cos, face) = (direction.dot(self.normal), self.first_face(direction));
-        let start = from - self.center;
-        let t = (self.height(face) - start.dot(self.normal)) / cos;
-        let enters = cos.abs() >= LEAST_COS && t > 0.0;
-        (enters && self.outline.has(face, self.outline.place(start + direction * t))).then_some(t)
+        let (t, face) = (self.distance(from, direction), self.first_face(direction));
+        let enters = direction.dot(self.normal).abs() >= LEAST_COS && t > 0.0;
+        let place = || self.outline.place(from - self.center + direction * t);
+        (enters && self.outline.has(face, place())).then_some(t)
+    }
+
+    /// Distance at which a ray comes to the plane of the face that it enters by, m.
+    fn distance(&self, from: Vec3, direction: Vec3) -> f32 {
+        let height = self.normal.dot(from - self.center);
+        (self.height(self.first_face(direction)) - height) / direction.dot(self.normal)
     }
 
     /// Where light leaves the glass that comes into it at a place.

@@ -98,7 +98,7 @@ mod tests {
             Vec3::new(x, y, sampler.next_1d()) * 10.0
         };
         for n in [0, 1, 4, 5, 300] {
-            let boxes: Vec<Bounds> = (0..n).map(|i| Bounds::default().with(point(i)).grown(0.2)).collect();
+            let boxes: Vec<Bounds> = (0..n).map(|i| Bounds::default().with(point(i)).grown(Vec3::splat(0.2))).collect();
             let tree = Tree::new(&boxes);
             let (mut n_asked, mut n_met) = (0, 0);
             for [from, to] in (0..200).map(|case| [point(1000 + 2 * case), point(1001 + 2 * case)]) {

@@ -88,11 +88,13 @@ impl<'a> Shading<'a> {
         let shared = lamp.lamp.point(u).filter(|_| !lamp.lamp.is_ball());
         let mut fan = Fan { n: 0, places: [Vec3::ZERO; GROUP], values: [Vec3::ZERO; GROUP], pixels: [0; GROUP] };
         let (mut n_rays, mut legs): (u64, Vec<LastLeg>) = (0, Vec::new());
+        let is_beside_slabs = lamp.lamp.is_beside(&self.scene.slabs, around(group));
         for (nth, point) in group.iter().enumerate().filter(|(_, point)| is_wanted(point.pixel)) {
             let at = (point.pixel - first) as usize;
             let (slabs, from) = (&self.scene.slabs, (point.position, self.far));
             let may_send = |wi| point.may_send(point.normal(), wi);
-            let Through { first: slab, way } = lamp.lamp.through(slabs, from, spread(u, nth), may_send);
+            let through = || lamp.lamp.through(slabs, from, spread(u, nth), may_send);
+            let Through { first: slab, way } = if is_beside_slabs { Through::default() } else { through() };
             let sent = way.and_then(|way| Some((self.sent_along(point, lamp, spread(u, nth), &way)?, way)));
             if let Some((lit, way)) = sent {
                 n_rays += 1;
@@ -232,6 +234,14 @@ pub(super) fn shift((first, tile): (u32, usize), lamp_idx: usize, (seed, [sample
     let key = u64::from(first) << 12 | tile as u64;
     let random = Vec2::from(Sampler::new(seed, STREAM + (key << 8) + lamp_idx as u64, sample).next_2d());
     (random + lattice(round)).fract()
+}
+
+/// The box around some points, middle and half of its sides.
+fn around(group: &[Point]) -> (Vec3, Vec3) {
+    let [lo, hi] = group.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[lo, hi], point| {
+        [lo.min(point.position), hi.max(point.position)]
+    });
+    (0.5 * (lo + hi), 0.5 * (hi - lo))
 }
 
 /// The point of a group's member that has one of its own.
