@@ -56,11 +56,13 @@ struct Lamp {
 // Random offset of the points on the lamp, by tile.
 @group(0) @binding(6) var<storage, read> shifts: array<vec2f>;
 @group(0) @binding(7) var<storage, read_write> lit: array<vec4f>;
-// Two rows for all slabs: the lower corner of their box and their number, the upper corner and the diagonal of the scene. Eight for
-// each: its normal and index of refraction; its middle and thickness; its box, with the row of its first triangle, and with the
-// numbers of those of the back and, from bit 16 on, of the front; what it lets pass but for what it reflects, and 1 where only the
-// CPU knows; its extinction, and 1 where nothing lies in its glass; the axes of the rectangle around it, each with half of its
-// length. Three for each triangle: a corner and the clearance of the plane, and the edges from there.
+// A row for all slabs: the diagonal of the scene, and last the row of the first slab. Before that two for each node of a tree of boxes
+// around them, each node before all below it: the lower corner and the row of the first node that is not below, or of the first slab
+// where there is none; the upper corner, with the row of its own first slab and, from bit 29 on, how many it has, none of a fork. Eight
+// for each slab, leaf by leaf: its normal and index of refraction; its middle and thickness; its box, with the row of its first
+// triangle, and with the numbers of those of the back and, from bit 16 on, of the front; what it lets pass but for what it reflects,
+// and 1 where only the CPU knows; its extinction, and 1 where nothing lies in its glass; the axes of the rectangle around it, each with
+// half of its length. Three for each triangle: a corner and the clearance of the plane, and the edges from there.
 @group(0) @binding(8) var<storage, read> slabs: array<vec4u>;
 
 const NONE: u32 = 0xffffffffu;
@@ -90,7 +92,8 @@ const POINT_SQUARE: f32 = 1e-4;
 // Least height over a flat lamp close by, per distance, and least angle that it fills, sr: numbers of the device tell no less.
 const LEAST_HEIGHT: f32 = 0.02;
 const LEAST_ANGLE: f32 = 1e-3;
-const SLAB_HEAD: u32 = 2u;
+const SLAB_HEAD: u32 = 1u;
+const SLAB_NODE_ROWS: u32 = 2u;
 const SLAB_ROWS: u32 = 8u;
 // Whether the scene has any.
 override HAS_SLABS: bool;
@@ -607,6 +610,57 @@ fn overlaps(row: u32, low: vec3f, high: vec3f) -> bool {
     return all(slab_row(row).xyz <= high) && all(low <= slab_row(row + 1u).xyz);
 }
 
+// A walk through the tree of slabs along a straight way.
+struct Walk {
+    start: vec3f,
+    // One over the way, by axis.
+    reciprocal: vec3f,
+    // The box around the way.
+    low: vec3f,
+    high: vec3f,
+    // Rows of the node and of the slab that come next, and where the slabs of this leaf end.
+    node: u32,
+    slab: u32,
+    end: u32,
+}
+
+fn walk_between(start: vec3f, goal: vec3f) -> Walk {
+    return Walk(start, per_axis(goal - start), min(start, goal), max(start, goal), SLAB_HEAD, 0u, 0u);
+}
+
+// Whether the way of a walk meets the box of a node.
+fn is_met(node: u32, walk: ptr<function, Walk>) -> bool {
+    if !overlaps(node, (*walk).low, (*walk).high) {
+        return false;
+    }
+    let a = (slab_row(node).xyz - (*walk).start) * (*walk).reciprocal;
+    let b = (slab_row(node + 1u).xyz - (*walk).start) * (*walk).reciprocal;
+    let near = min(a, b);
+    let far = max(a, b);
+    return max(max(near.x, near.y), max(near.z, 0.0)) <= min(min(far.x, far.y), min(far.z, 1.0));
+}
+
+// The next slab whose box a walk may meet; NONE at its end. The order is that of the CPU, as of slabs side by side the first may count.
+fn next_slab(walk: ptr<function, Walk>) -> u32 {
+    while (*walk).slab == (*walk).end {
+        let node = (*walk).node;
+        if node >= slabs[0].w {
+            return NONE;
+        }
+        if is_met(node, walk) {
+            let own = slabs[node + 1u].w;
+            (*walk).slab = own & 0x1fffffffu;
+            (*walk).end = (*walk).slab + SLAB_ROWS * (own >> 29u);
+            (*walk).node = node + SLAB_NODE_ROWS;
+        } else {
+            (*walk).node = slabs[node].w;
+        }
+    }
+    let slab = (*walk).slab;
+    (*walk).slab = slab + SLAB_ROWS;
+    return slab;
+}
+
 // Whether two places are outside of the glass of a slab on either side.
 fn parts(slab: u32, start: vec3f, goal: vec3f) -> bool {
     let normal = slab_row(slab).xyz;
@@ -653,14 +707,9 @@ fn are_rivals(a: vec3f, b: vec3f) -> bool {
 // The slabs that the way between two places may go through; none where there are too many.
 fn met(start: vec3f, goal: vec3f) -> Met {
     var found = Met();
-    let low = min(start, goal);
-    let high = max(start, goal);
-    if !overlaps(0u, low, high) {
-        return found;
-    }
-    for (var nth = 0u; nth < slabs[0].w; nth++) {
-        let slab = SLAB_HEAD + nth * SLAB_ROWS;
-        if !overlaps(slab + 2u, low, high) || !parts(slab, start, goal) {
+    var walk = walk_between(start, goal);
+    for (var slab = next_slab(&walk); slab != NONE; slab = next_slab(&walk)) {
+        if !overlaps(slab + 2u, walk.low, walk.high) || !parts(slab, start, goal) {
             continue;
         }
         let one = meeting(slab, start, goal);
@@ -733,9 +782,9 @@ fn followed(start: vec3f, goal: vec3f, direction: vec3f) -> Route {
         var nearest = 0.0;
         var next = NONE;
         var into = at;
-        for (var nth = 0u; nth < slabs[0].w; nth++) {
-            let slab = SLAB_HEAD + nth * SLAB_ROWS;
-            if !overlaps(slab + 2u, min(at, at + reach), max(at, at + reach)) || !parts(slab, start, goal) {
+        var walk = walk_between(at, at + reach);
+        for (var slab = next_slab(&walk); slab != NONE; slab = next_slab(&walk)) {
+            if !overlaps(slab + 2u, walk.low, walk.high) || !parts(slab, start, goal) {
                 continue;
             }
             let t = entered(slab, at, direction);
@@ -917,7 +966,7 @@ fn on_face(slab: u32, is_front: bool, place: vec3f) -> vec4f {
 fn lifted(place: vec3f, normal: vec3f) -> vec3f {
     let steps = vec3i(256.0 * normal);
     let moved = bitcast<vec3f>(bitcast<vec3i>(place) + select(steps, -steps, place < vec3f(0.0)));
-    let near_zero = min(1.0 / 65536.0, 256.0 * 1.1920929e-7 * slab_row(1u).w);
+    let near_zero = min(1.0 / 65536.0, 256.0 * 1.1920929e-7 * slab_row(0u).x);
     return select(moved, place + near_zero * normal, abs(place) < vec3f(1.0 / 32.0));
 }
 

@@ -193,7 +193,7 @@ mod tests {
     }
 
     /// What shaders hand from one of their functions to the other.
-    const OF_SHADERS: [&str; 7] = ["Sent", "Shear", "LampPoint", "Route", "Met", "Crossing", "Passed"];
+    const OF_SHADERS: [&str; 8] = ["Sent", "Shear", "LampPoint", "Route", "Met", "Walk", "Crossing", "Passed"];
 
     fn shapes() -> Vec<Shape> {
         vec![

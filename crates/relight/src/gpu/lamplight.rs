@@ -18,7 +18,7 @@ pub struct TreeWords<'a> {
     pub blocks: &'a [[u32; 4]],
     /// First node of what lets some light pass, if there is any.
     pub sheer: Option<u32>,
-    /// Solid panes that bend light.
+    /// Solid panes that bend light, and a tree around them; the last word of the first row is 0 where there are none.
     pub slabs: &'a [[u32; 4]],
     /// Table of what coats leave to what is below them.
     pub coats: &'a [f32],
@@ -77,7 +77,7 @@ impl Lamplight {
             let slabs = filled(gpu, "the panes of the scene", tree.slabs)?;
             let (name, source) = LAMPLIGHT;
             // Without panes nothing of theirs is compiled.
-            let has_slabs = tree.slabs.first().is_some_and(|[.., n_slabs]| *n_slabs > 0);
+            let has_slabs = tree.slabs.first().is_some_and(|[.., first_slab]| *first_slab > 0);
             let stage = pipeline(gpu, name, source, &[("HAS_SLABS", f64::from(has_slabs))]);
             let stamps = Stamps::new(gpu, 1);
             let (gpu, n_coats, sheer) = (gpu.clone(), tree.coats.len() as u32, tree.sheer);

@@ -13,7 +13,8 @@ pub struct TreeWords {
     pub blocks: Vec<[u32; 4]>,
     /// Where the root of a second tree is.
     pub second: Option<u32>,
-    /// Solid panes that bend light: two rows for all of them, eight for each, three for each triangle of their faces.
+    /// Solid panes that bend light: a row for all of them, two for each node of a tree around them, eight for each pane, three for each
+    /// triangle of their faces.
     pub slabs: Vec<[u32; 4]>,
 }
 

@@ -4,25 +4,25 @@ use glam::Vec3;
 
 use super::Bounds;
 
-/// Slabs of a leaf at most.
+/// Slabs of a leaf at most; the words of a device have room for seven.
 const LEAF: usize = 4;
 
 /// Nodes, each before all below it.
 #[derive(Debug, Default)]
 pub(super) struct Tree {
-    nodes: Vec<Node>,
+    pub(super) nodes: Vec<Node>,
     /// Slabs, leaf by leaf.
-    slabs: Vec<u32>,
+    pub(super) slabs: Vec<u32>,
 }
 
 #[derive(Debug)]
-struct Node {
-    bounds: Bounds,
+pub(super) struct Node {
+    pub(super) bounds: Bounds,
     /// The first node that is not below.
-    next: usize,
+    pub(super) next: usize,
     /// First and number of its own slabs; none of a fork.
-    first: usize,
-    n: usize,
+    pub(super) first: usize,
+    pub(super) n: usize,
 }
 
 impl Tree {
@@ -37,7 +37,7 @@ impl Tree {
     }
 
     /// The box around all.
-    pub(super) fn bounds(&self) -> Bounds {
+    fn bounds(&self) -> Bounds {
         self.nodes.first().map_or_else(Bounds::default, |root| root.bounds)
     }
 

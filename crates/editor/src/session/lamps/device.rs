@@ -407,7 +407,7 @@ mod tests {
     fn glazed() -> LampView {
         let wide = (Vec3::Z * -0.1, Vec3::new(1.2, 1.2, 0.03));
         let small = (Vec3::new(-0.3, 0.1, 0.1), Vec3::new(0.6, 0.7, 0.04));
-        let mut scene = glazed_with([wide, small], Quat::IDENTITY);
+        let mut scene = glazed_with(&[wide, small], Quat::IDENTITY);
         let bar = (Vec3::new(0.15, -0.1, -0.1), Vec3::new(0.01, 0.3, 0.01));
         add_box(&mut scene, bar, Quat::IDENTITY, Material { metallic: 0.0, ..Material::default() });
         view_of(scene)
@@ -415,11 +415,20 @@ mod tests {
 
     /// The same behind two panes beside each other.
     fn glazed_aslant(turn: Quat) -> LampView {
-        view_of(glazed_with([-0.7, 0.7].map(|x| (Vec3::X * x, Vec3::new(0.7, 1.2, 0.03))), turn))
+        view_of(glazed_with(&[-0.7, 0.7].map(|x| (Vec3::X * x, Vec3::new(0.7, 1.2, 0.03))), turn))
     }
 
-    /// Such a room with panes as given by middle and half of their size, and then turned about the origin.
-    fn glazed_with([one, other]: [(Vec3, Vec3); 2], turn: Quat) -> Scene {
+    /// The same behind nine panes, three by three, and a tenth before them: too many for one leaf of their tree.
+    fn glazed_in_a_grid() -> LampView {
+        let steps = [-0.8, 0.0, 0.8];
+        let grid = steps.map(|x| steps.map(|y| (Vec3::new(x, y, -0.1), Vec3::new(0.4, 0.4, 0.01))));
+        let before = (Vec3::new(-0.3, 0.1, 0.1), Vec3::new(0.6, 0.7, 0.02));
+        let panes: Vec<(Vec3, Vec3)> = grid.into_iter().flatten().chain([before]).collect();
+        view_of(glazed_with(&panes, Quat::IDENTITY))
+    }
+
+    /// Such a room with panes as given by middle and half of their size, and then turned about the origin; every second is tinted.
+    fn glazed_with(panes: &[(Vec3, Vec3)], turn: Quat) -> Scene {
         let room = include_str!("../../../tests/room.gltf").replace(r#""count": 36"#, r#""count": 30"#);
         let mut scene = import::load_bytes("room.gltf", room.as_bytes()).unwrap().scene;
         let glass = Material {
@@ -432,8 +441,10 @@ mod tests {
         };
         let tinted =
             Material { attenuation_distance: 0.1, attenuation_color: Vec3::new(0.9, 0.6, 0.7), ..glass.clone() };
-        add_box(&mut scene, one, turn, glass);
-        add_box(&mut scene, other, turn, tinted);
+        for (nth, &pane) in panes.iter().enumerate() {
+            let material = if nth % 2 == 0 { &glass } else { &tinted };
+            add_box(&mut scene, pane, turn, material.clone());
+        }
         scene
     }
 
@@ -442,7 +453,8 @@ mod tests {
         let gpus = Gpu::all_headless(DeviceChoice::Any);
         assert!(!gpus.is_empty() || !is_required(), "no adapter");
         let turn = Quat::from_rotation_y(0.5);
-        for (view, turn) in [(glazed(), Quat::IDENTITY), (glazed_aslant(turn), turn)] {
+        let views = [(glazed(), Quat::IDENTITY), (glazed_aslant(turn), turn), (glazed_in_a_grid(), Quat::IDENTITY)];
+        for (view, turn) in views {
             let [behind, before] = [Vec3::new(0.1, 0.2, -0.6), Vec3::new(-0.2, 0.1, 0.6)].map(|place| turn * place);
             assert_light_through_panes(&gpus, &view, [behind, before]);
         }
