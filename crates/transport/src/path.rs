@@ -287,6 +287,17 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         if self.focus.is_some_and(Focus::is_left) { None } else { self.scene.closest_seen(ray, sampler) }
     }
 
+    /// The same along rays of the camera, as many as there are samplers.
+    fn closest_seen16(
+        &self,
+        origin: Vec3,
+        directions: &[Vec3; 16],
+        samplers: &mut [Sampler],
+    ) -> [Option<SurfaceHit>; 16] {
+        let is_left = self.focus.is_some_and(Focus::is_left);
+        if is_left { [None; 16] } else { self.scene.closest_seen16(origin, directions, samplers) }
+    }
+
     /// The scene of the walks.
     pub(crate) fn scene(&self) -> &'a PreparedScene {
         self.scene
@@ -312,7 +323,36 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         self.follow(walk, &mut sampler, scratch, deposit);
     }
 
-    /// The same of a pixel that sees nothing: only what shines beyond all surfaces.
+    /// Up to 16 samples of a pixel, each as [`Integrator::sample_pixel`] takes it with its own random numbers, whose first rays go
+    /// together. As many as there are samplers, and deposits.
+    pub(crate) fn sample_pixel16<D: Deposit>(
+        &self,
+        camera: &Camera,
+        film: Film,
+        pixel: [u32; 2],
+        samplers: &mut [Sampler],
+        scratch: &mut Scratch,
+        deposits: &mut [D],
+    ) {
+        assert_eq!(samplers.len(), deposits.len(), "each sample has random numbers and a deposit");
+        let (corner, origin) = (Vec2::new(pixel[0] as f32, pixel[1] as f32), camera.position());
+        let mut directions = [Vec3::ZERO; 16];
+        for (direction, sampler) in directions.iter_mut().zip(samplers.iter_mut()) {
+            *direction = camera.direction(film, corner + Vec2::from(sampler.next_2d()));
+        }
+        let hits = self.closest_seen16(origin, &directions, samplers);
+        let samples = samplers.iter_mut().zip(deposits);
+        for ((direction, hit), (sampler, deposit)) in directions.into_iter().zip(hits).zip(samples) {
+            let mut walk = Walk::from_camera(origin, direction);
+            if let Some(hit) = self.arrive_at_next(&mut walk, hit, sampler, deposit)
+                && self.go_on(&mut walk, &hit, sampler, scratch, deposit)
+            {
+                self.follow(walk, sampler, scratch, deposit);
+            }
+        }
+    }
+
+    /// One sample of a pixel that sees nothing: only what shines beyond all surfaces.
     pub(crate) fn sample_empty_pixel(
         &self,
         camera: &Camera,

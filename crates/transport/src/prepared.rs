@@ -206,25 +206,56 @@ impl PreparedScene {
         self.nearer_sheer(self.unlit.as_deref(), ray, nearest, sampler).map(|hit| self.surface_hit(&hit))
     }
 
+    /// What [`PreparedScene::closest_seen`] finds for each of up to 16 rays from one point, each with random numbers of its own; as
+    /// many rays as there are samplers.
+    pub(crate) fn closest_seen16(
+        &self,
+        origin: Vec3,
+        directions: &[Vec3; 16],
+        samplers: &mut [Sampler],
+    ) -> [Option<SurfaceHit>; 16] {
+        let n = samplers.len();
+        let mut nearest = self.solid.closest16(origin, directions, n, 0.0, &[f32::INFINITY; 16]);
+        for tree in [&self.sheer, &self.unlit].into_iter().flatten() {
+            let t_max = nearest.map(|hit| hit.map_or(f32::INFINITY, |hit| hit.t));
+            let before = tree.closest16(origin, directions, n, 0.0, &t_max);
+            for (nth, sampler) in samplers.iter_mut().enumerate() {
+                let ray = Ray { origin, direction: directions[nth], t_min: 0.0, t_max: t_max[nth] };
+                nearest[nth] = self.first_there(tree, ray, before[nth], sampler).or(nearest[nth]);
+            }
+        }
+        nearest.map(|hit| hit.map(|hit| self.surface_hit(&hit)))
+    }
+
     /// The nearest triangle that light meets.
     #[inline]
     fn nearest_lit(&self, ray: &Ray, sampler: &mut Sampler) -> Option<Hit> {
         self.nearer_sheer(self.sheer.as_deref(), ray, self.solid.closest(ray), sampler)
     }
 
-    /// The nearest triangle before another one, or that. Those that are not there are passed one by one.
+    /// The nearest triangle before another one, or that.
     #[inline]
     fn nearer_sheer(&self, tree: Option<&Bvh>, ray: &Ray, nearest: Option<Hit>, sampler: &mut Sampler) -> Option<Hit> {
         let Some(tree) = tree else { return nearest };
-        let mut segment = Ray { t_max: nearest.as_ref().map_or(ray.t_max, |hit| hit.t), ..*ray };
-        while let Some(hit) = tree.closest(&segment) {
+        let segment = Ray { t_max: nearest.as_ref().map_or(ray.t_max, |hit| hit.t), ..*ray };
+        let met = tree.closest(&segment);
+        self.first_there(tree, segment, met, sampler).or(nearest)
+    }
+
+    /// The first triangle along a segment that is there, beginning with the closest one, which is given. Those that are not are
+    /// passed one by one.
+    #[inline]
+    fn first_there(&self, tree: &Bvh, segment: Ray, closest: Option<Hit>, sampler: &mut Sampler) -> Option<Hit> {
+        let (mut segment, mut closest) = (segment, closest);
+        while let Some(hit) = closest {
             let alpha = self.alpha(hit.triangle, barycentric_of(&hit));
             if alpha >= 1.0 || sampler.next_1d() < alpha {
                 return Some(hit);
             }
             segment.t_min = next_after(hit.t);
+            closest = tree.closest(&segment);
         }
-        nearest
+        None
     }
 
     /// Nearest surface along a ray as [`PreparedScene::closest`] has it, but for clear panes, and what these let through.

@@ -12,6 +12,7 @@
 //! out, so does light that was scattered once more, by a narrow lobe of the first surface: one direction of each sample.
 
 mod bodies;
+mod first;
 mod follow;
 mod point;
 mod shade;
@@ -19,7 +20,7 @@ mod words;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use self::follow::{Found, Trail};
@@ -155,19 +156,19 @@ impl Band {
     ) -> Option<Band> {
         let (top, bottom) = (band * TILE, ((band + 1) * TILE).min(film.height));
         let mut reach = vec![f32::INFINITY; (film.width * (bottom - top)) as usize];
-        let (mut found, mut tiles) = (Found::default(), Vec::new());
+        let (mut found, mut tiles, mut firsts) = (Found::default(), Vec::new(), Vec::new());
         for left in (0..film.width).step_by(TILE as usize) {
             if halt.is_called() {
                 return None;
             }
             tiles.push(found.points.len() as u32);
-            for [x, y] in in_tile().map(|[x, y]| [left + x, top + y]).filter(|[x, y]| *x < film.width && *y < bottom) {
-                let pixel = y * film.width + x;
-                let mut sampler = sampler_of(seed, pixel, sample);
-                let film_px = Vec2::new(x as f32, y as f32) + Vec2::from(sampler.next_2d());
-                let trail = Trail::from_camera(camera.position(), camera.direction(film, film_px));
-                reach[(pixel - top * film.width) as usize] =
-                    found.follow((scene, narrow_alpha), trail, pixel, &mut sampler);
+            first::look(scene, (camera, film), (seed, sample), [left, top], &mut firsts);
+            for [x, y] in in_tile() {
+                let Some(first) = firsts[(y * TILE + x) as usize].take() else { continue };
+                let pixel = (top + y) * film.width + left + x;
+                let trail = Trail::from_camera(camera.position(), first.direction);
+                reach[(pixel - top * film.width) as usize] = first.hit.map_or(f32::INFINITY, |hit| hit.t);
+                found.follow((scene, narrow_alpha), (trail, first.hit), pixel, first.sampler);
             }
             // Neighbors see neighbors, which share fans of rays; what narrow lobes show lies elsewhere.
             found.points.append(&mut found.shown);

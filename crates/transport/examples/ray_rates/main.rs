@@ -81,6 +81,7 @@ fn measure(name: &str, triangles: &[[Vec3; 3]], camera: &Camera, n_rays: usize) 
         let settled = question.settled(&ours, &theirs, triangles);
         let mut told = compare(kind, &question, &ours, &theirs);
         told["differ"] = settled.n_differ.into();
+        told["other_than_single"] = json!(question.n_other_than_single(&ours));
         told["wrong"] = json!({ "ours": settled.n_wrong[0], "theirs": settled.n_wrong[1] });
         told
     };

@@ -16,17 +16,41 @@ const SEGMENT_END: f32 = 0.999;
 const TEXELS: usize = 8;
 const TILE: usize = 4;
 
+/// Pixels along each side of a square whose rays make a packet.
+const SQUARE: u32 = 4;
+
 /// Rays of one kind.
 pub enum Question<'a> {
     Closest(&'a [Ray]),
+    Packets(&'a [Packet]),
     Free(&'a [Ray]),
     Fans(&'a [Vec3], &'a [[Vec3; 16]]),
+}
+
+/// Rays of neighboring pixels.
+pub struct Packet {
+    origin: Vec3,
+    directions: [Vec3; 16],
+    /// So many of them.
+    n: usize,
+}
+
+impl Packet {
+    fn closest(&self, tree: &impl Tree) -> [f32; 16] {
+        tree.closest16(self.origin, &self.directions, self.n)
+    }
+
+    /// The rays, one by one.
+    fn rays(&self) -> impl Iterator<Item = Ray> {
+        self.directions.iter().take(self.n).map(move |&direction| endless(self.origin, direction))
+    }
 }
 
 impl Question<'_> {
     pub fn n_rays(&self) -> usize {
         match self {
             Question::Closest(rays) | Question::Free(rays) => rays.len(),
+            Question::Packets(packets) => packets.iter().map(|packet| packet.n).sum(),
             Question::Fans(origins, tiles) => origins.len() * tiles.len() * 16,
         }
     }
@@ -36,6 +60,10 @@ impl Question<'_> {
         match self {
             Question::Closest(rays) => {
                 rays.iter().map(|ray| tree.closest(ray)).filter(|t| t.is_finite()).map(f64::from).sum()
+            }
+            Question::Packets(packets) => {
+                let sum = |found: [f32; 16]| found.into_iter().filter(|t| t.is_finite()).map(f64::from).sum::<f64>();
+                packets.iter().map(|packet| sum(packet.closest(tree))).sum()
             }
             Question::Free(rays) => rays.iter().filter(|ray| tree.is_free(ray)).count() as f64,
             Question::Fans(origins, tiles) => {
@@ -53,14 +81,23 @@ impl Question<'_> {
     pub fn settled(&self, one: &impl Tree, other: &impl Tree, triangles: &[[Vec3; 3]]) -> Settled {
         let mut settled = Settled::default();
         let is_free = |ray: &Ray| exact::closest(triangles, ray).is_infinite();
+        let apart = rounding(triangles);
+        // A hit and none are not the same, so the smaller counts.
+        let same = |a: f64, b: f64| a == b || (a - b).abs() <= 1e-3 * a.min(b) + apart;
         match self {
             Question::Closest(rays) => {
-                let apart = rounding(triangles);
-                // A hit and none are not the same, so the smaller counts.
-                let same = |a: f64, b: f64| a == b || (a - b).abs() <= 1e-3 * a.min(b) + apart;
                 for ray in rays.iter() {
                     let told = [one.closest(ray), other.closest(ray)].map(f64::from);
                     settled.add(told, same, || exact::closest(triangles, ray));
+                }
+            }
+            Question::Packets(packets) => {
+                for packet in packets.iter() {
+                    let [ones, others] = [packet.closest(one), packet.closest(other)];
+                    for (ray, told) in packet.rays().zip(ones.into_iter().zip(others)) {
+                        let told = [told.0, told.1].map(f64::from);
+                        settled.add(told, same, || exact::closest(triangles, &ray));
+                    }
                 }
             }
             Question::Free(rays) => {
@@ -79,6 +116,16 @@ impl Question<'_> {
             }
         }
         settled
+    }
+
+    /// Rays that our tree answers otherwise in a packet than one by one, by a bit or more; `None` where there are no packets.
+    pub fn n_other_than_single(&self, tree: &Ours) -> Option<usize> {
+        let Question::Packets(packets) = self else { return None };
+        let differ = |packet: &Packet| {
+            let together = tree.0.closest16(packet.origin, &packet.directions, packet.n, 0.0, &[f32::INFINITY; 16]);
+            packet.rays().zip(together).filter(|(ray, hit)| tree.0.closest(ray) != *hit).count()
+        };
+        Some(packets.iter().map(differ).sum())
     }
 }
 
@@ -113,6 +160,8 @@ impl Settled {
 /// All rays that are asked for in one scene.
 pub struct Rays {
     primary: Vec<Ray>,
+    /// The same, in squares of pixels.
+    packets: Vec<Packet>,
     bounce: Vec<Ray>,
     shadow: Vec<Ray>,
     fan_origins: Vec<Vec3>,
@@ -150,12 +199,14 @@ impl Rays {
         });
         let shadow = shadow.collect();
         let fan_origins = facing.iter().step_by(TEXELS * TEXELS).map(|seen| seen.origin).collect();
-        Rays { primary, bounce, shadow, fan_origins, tiles: tiles(corner) }
+        let packets = packets(&primary, film);
+        Rays { primary, packets, bounce, shadow, fan_origins, tiles: tiles(corner) }
     }
 
     pub fn kinds(&self) -> impl Iterator<Item = (&'static str, Question<'_>)> {
         let kinds = [
             ("primary", Question::Closest(&self.primary)),
+            ("primary16", Question::Packets(&self.packets)),
             ("bounce", Question::Closest(&self.bounce)),
             ("shadow", Question::Free(&self.shadow)),
             ("fan16", Question::Fans(&self.fan_origins, &self.tiles)),
@@ -166,6 +217,24 @@ impl Rays {
 
 fn endless(origin: Vec3, direction: Vec3) -> Ray {
     Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
+}
+
+/// Rays through the pixels of a film, row by row, as packets.
+fn packets(rays: &[Ray], film: Film) -> Vec<Packet> {
+    let corners = |side: u32| (0..side).step_by(SQUARE as usize);
+    let packet = |[left, top]: [u32; 2]| {
+        let mut packet = Packet { origin: Vec3::ZERO, directions: [Vec3::ZERO; 16], n: 0 };
+        for y in top..(top + SQUARE).min(film.height) {
+            for x in left..(left + SQUARE).min(film.width) {
+                let ray = &rays[(y * film.width + x) as usize];
+                packet.origin = ray.origin;
+                packet.directions[packet.n] = ray.direction;
+                packet.n += 1;
+            }
+        }
+        packet
+    };
+    corners(film.height).flat_map(|top| corners(film.width).map(move |left| [left, top])).map(packet).collect()
 }
 
 fn seen(triangles: &[[Vec3; 3]], tree: &Ours, ray: &Ray) -> Option<Seen> {

@@ -15,6 +15,8 @@ use obvhs::triangle::Triangle;
 pub trait Tree {
     /// Parameter of the closest hit, infinite without one.
     fn closest(&self, ray: &Ray) -> f32;
+    /// The same for the first `n` endless rays that leave a point; the others do not count.
+    fn closest16(&self, origin: Vec3, directions: &[Vec3; 16], n: usize) -> [f32; 16];
     /// Whether a ray meets nothing.
     fn is_free(&self, ray: &Ray) -> bool;
     /// Bit i is set where the segment to `targets[i]` is free up to `t_max` of it.
@@ -34,6 +36,12 @@ impl Tree for Ours {
     #[inline]
     fn closest(&self, ray: &Ray) -> f32 {
         self.0.closest(ray).map_or(f32::INFINITY, |hit| hit.t)
+    }
+
+    #[inline]
+    fn closest16(&self, origin: Vec3, directions: &[Vec3; 16], n: usize) -> [f32; 16] {
+        let hits = self.0.closest16(origin, directions, n, 0.0, &[f32::INFINITY; 16]);
+        hits.map(|hit| hit.map_or(f32::INFINITY, |hit| hit.t))
     }
 
     #[inline]
@@ -76,6 +84,16 @@ impl Tree for Theirs {
         let mut hit = RayHit::none();
         self.tree.ray_traverse(Theirs::ray(ray), &mut hit, |ray, id| self.triangles[id].intersect(ray));
         hit.t
+    }
+
+    /// It has no packets: one ray after the other.
+    #[inline]
+    fn closest16(&self, origin: Vec3, directions: &[Vec3; 16], n: usize) -> [f32; 16] {
+        let mut found = [f32::INFINITY; 16];
+        for (t, &direction) in found.iter_mut().zip(directions).take(n) {
+            *t = self.closest(&Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY });
+        }
+        found
     }
 
     #[inline]

@@ -6,8 +6,13 @@
 use super::fan::{Beam, HALVES, half_of};
 use super::lanes::{Lanes, three};
 use super::node::{BLOCK, Block, FAR_SLACK, Node, WIDTH};
+use super::packet::Nearest;
 use super::ray::{corners_of, row_of};
 use super::triangle::{Edges, Shear, component};
+
+/// Factor on the far side of a box where a beam has to meet all boxes that single rays meet with their own slack: more than
+/// all roundings of both together.
+const MEMBERS_SLACK: f32 = 1.0 + 1.0 / (1 << 18) as f32;
 
 /// Numbers between two.
 #[derive(Clone, Copy)]
@@ -41,6 +46,12 @@ impl Interval {
     #[inline(always)]
     pub fn width(self) -> f32 {
         self.to - self.from
+    }
+
+    /// The upper end.
+    #[inline(always)]
+    pub fn most(self) -> f32 {
+        self.to
     }
 
     #[inline(always)]
@@ -121,8 +132,22 @@ impl<W: Lanes<WIDTH>> BoxBeam<W> {
     /// The boxes that the beam meets, and perhaps some beside it.
     #[inline(always)]
     pub fn enter(&self, node: &Node) -> u32 {
+        let [near, far] = self.span(node, self.farthest);
+        near.at_most(far * W::splat(FAR_SLACK))
+    }
+
+    /// The boxes that a member may meet within a length along the longest axis, and the length at which it does at the least.
+    #[inline(always)]
+    pub fn enter_until(&self, node: &Node, farthest: f32) -> (u32, W) {
+        let [near, far] = self.span(node, W::splat(farthest));
+        (near.at_most(far * W::splat(MEMBERS_SLACK)), near)
+    }
+
+    /// Lengths along the longest axis between which the beam is within each box.
+    #[inline(always)]
+    fn span(&self, node: &Node, farthest: W) -> [W; 2] {
         let mut near = ((W::load(row_of(node, self.near_row)) - self.origin) * self.sense).max(self.nearest);
-        let mut far = ((W::load(row_of(node, self.far_row)) - self.origin) * self.sense).min(self.farthest);
+        let mut far = ((W::load(row_of(node, self.far_row)) - self.origin) * self.sense).min(farthest);
         for slab in &self.slabs {
             near = slab.at(node, slab.enter).max(near);
             let leave = slab.at(node, slab.leave);
@@ -132,7 +157,7 @@ impl<W: Lanes<WIDTH>> BoxBeam<W> {
                 far = leave.min(far);
             }
         }
-        near.at_most(far * W::splat(FAR_SLACK))
+        [near, far]
     }
 }
 
@@ -142,6 +167,8 @@ pub(super) struct BoxMembers<W> {
     axes: [usize; 3],
     origin: [f32; 3],
     reciprocals: [[W; HALVES]; 3],
+    /// The same, with the slack of far sides.
+    far_reciprocals: [[W; HALVES]; 3],
     t_min: W,
     t_max: W,
 }
@@ -155,13 +182,32 @@ impl<W: Lanes<WIDTH>> BoxMembers<W> {
         let (largest, zero) = (W::splat(f32::MAX), W::splat(0.0));
         let all = (1 << WIDTH) - 1;
         let finite = |r: W| r.max(zero - r).at_most(largest) == all;
+        let slack = W::splat(FAR_SLACK);
         reciprocals.iter().flatten().all(|r| finite(*r)).then(|| BoxMembers {
             axes: beam.axes,
             origin: three!(|i| component(beam.origin, beam.axes[i])),
             reciprocals,
+            far_reciprocals: three!(|i| [reciprocals[i][0] * slack, reciprocals[i][1] * slack]),
             t_min: W::splat(beam.t_min),
             t_max: W::splat(beam.t_max),
         })
+    }
+
+    /// Where each member enters a box and where it leaves it: the very numbers of single rays.
+    #[inline(always)]
+    pub fn span(&self, node: &Node, slot: usize) -> [[W; HALVES]; 2] {
+        let mut near = [self.t_min; HALVES];
+        let mut far = [W::splat(f32::INFINITY); HALVES];
+        for i in 0..3 {
+            let lower = W::splat(row_of(node, self.axes[i])[slot] - self.origin[i]);
+            let upper = W::splat(row_of(node, self.axes[i] + 3)[slot] - self.origin[i]);
+            for half in 0..HALVES {
+                let (reciprocal, far_reciprocal) = (self.reciprocals[i][half], self.far_reciprocals[i][half]);
+                near[half] = (lower * reciprocal).min(upper * reciprocal).max(near[half]);
+                far[half] = (lower * far_reciprocal).max(upper * far_reciprocal).min(far[half]);
+            }
+        }
+        [near, far]
     }
 
     /// Those of the `entered` boxes that one of the members in `free` meets, with the slack that single rays grant.
@@ -218,7 +264,7 @@ impl<W: Lanes<WIDTH>, Q: Lanes<BLOCK>> TriangleBeam<W, Q> {
     #[inline(always)]
     pub fn hits(&self, block: &Block, wanted: u16) -> u16 {
         let corners = corners_of(block, self.axes, self.origin);
-        let mut met = !self.beside(corners) & ((1 << BLOCK) - 1);
+        let mut met = self.meets(corners);
         let mut hits = 0;
         if met == 0 {
             return hits;
@@ -238,11 +284,56 @@ impl<W: Lanes<WIDTH>, Q: Lanes<BLOCK>> TriangleBeam<W, Q> {
         hits & wanted
     }
 
-    /// Triangles that lie to one side of the whole beam.
+    /// Takes the hits on a block's triangles that are closer, of the members that enter its box: who they are, and where.
     #[inline(always)]
-    fn beside(&self, corners: [[Q; 3]; 3]) -> u32 {
+    pub fn closest(&self, block: &Block, (entered, near): ([u32; HALVES], [W; HALVES]), found: &mut Nearest<W>) {
+        let corners = corners_of(block, self.axes, self.origin);
+        let mut met = self.meets(corners);
+        if met == 0 {
+            return;
+        }
+        let corners = three!(|vertex| three!(|i| corners[vertex][i].store()));
+        while met != 0 {
+            let lane = met.trailing_zeros() as usize;
+            met &= met - 1;
+            let corners = three!(|vertex| three!(|i| W::splat(corners[vertex][i][lane])));
+            for half in 0..HALVES {
+                self.closest_of(half, corners, (entered[half], near[half]), block.ids[lane], found);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn closest_of(
+        &self,
+        half: usize,
+        corners: [[W; 3]; 3],
+        (entered, near): (u32, W),
+        triangle: u32,
+        found: &mut Nearest<W>,
+    ) {
+        if entered == 0 {
+            return;
+        }
+        let shear = &self.shears[half];
+        let edges = Edges::new(corners, shear);
+        let inside = edges.inside() & entered;
+        if inside == 0 {
+            return;
+        }
+        let parameter = edges.parameter(shear);
+        let candidates = inside & self.t_min.below(parameter) & found.in_reach(half, parameter);
+        if candidates != 0 {
+            let ([_, u, v], sum) = (edges.weights, edges.sum());
+            found.take((half, candidates), [parameter, near], [u / sum, v / sum], triangle);
+        }
+    }
+
+    /// Triangles that do not lie to one side of the whole beam; vacant ones are met by none.
+    #[inline(always)]
+    fn meets(&self, corners: [[Q; 3]; 3]) -> u32 {
         let zero = Q::splat(0.0);
-        let mut beside = 0;
+        let mut met = (1 << BLOCK) - 1;
         for i in 0..2 {
             let [from, to] = self.slopes[i];
             let [a, b, c] = three!(|vertex| {
@@ -250,9 +341,9 @@ impl<W: Lanes<WIDTH>, Q: Lanes<BLOCK>> TriangleBeam<W, Q> {
                 let (at_from, at_to) = (from * length, to * length);
                 (across - at_from.max(at_to), across - at_from.min(at_to))
             });
-            beside |= zero.below(a.0.min(b.0).min(c.0)) | a.1.max(b.1).max(c.1).below(zero);
+            met &= a.0.min(b.0).min(c.0).at_most(zero) & zero.at_most(a.1.max(b.1).max(c.1));
         }
-        beside
+        met
     }
 
     #[inline(always)]

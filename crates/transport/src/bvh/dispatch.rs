@@ -5,8 +5,9 @@
 )]
 
 use super::build::Tree;
-use super::fan::Fan;
+use super::fan::{FAN, Fan};
 use super::lanes::Portable;
+use super::packet::Packet;
 use super::stack::{Room, with_room};
 use super::{Hit, Ray, traverse};
 
@@ -47,6 +48,7 @@ macro_rules! dispatched {
 dispatched!(closest, Ray, Option<Hit>);
 dispatched!(occluded, Ray, bool);
 dispatched!(fan_occluded, Fan, u16);
+dispatched!(packet_closest, Packet, [Option<Hit>; FAN]);
 
 mod baseline {
     use super::*;
@@ -61,6 +63,10 @@ mod baseline {
 
     pub fn fan_occluded(tree: &Tree, fan: &Fan, room: Room) -> u16 {
         fan.occluded::<Portable<8>, Portable<4>>(tree, room)
+    }
+
+    pub fn packet_closest(tree: &Tree, packet: &Packet, room: Room) -> [Option<Hit>; FAN] {
+        packet.closest::<Portable<8>, Portable<4>>(tree, room)
     }
 }
 
@@ -82,5 +88,10 @@ mod avx2 {
     #[target_feature(enable = "avx2,bmi1")]
     pub fn fan_occluded(tree: &Tree, fan: &Fan, room: Room) -> u16 {
         fan.occluded::<Lanes8, Lanes4>(tree, room)
+    }
+
+    #[target_feature(enable = "avx2,bmi1")]
+    pub fn packet_closest(tree: &Tree, packet: &Packet, room: Room) -> [Option<Hit>; FAN] {
+        packet.closest::<Lanes8, Lanes4>(tree, room)
     }
 }

@@ -23,15 +23,15 @@ const WIDE: f32 = 0.12;
 /// Nodes after which a beam gives up: among many small triangles it meets what none of its members does that are not blocked yet.
 const LONG: u32 = 16;
 /// Fewest segments that are worth a beam.
-const FEWEST: u32 = 3;
+pub(super) const FEWEST: u32 = 3;
 
 /// Segments from one point.
 pub(super) struct Fan {
-    origin: Vec3,
+    pub origin: Vec3,
     /// From the origin to the targets: axis × segment.
-    directions: [[f32; FAN]; 3],
-    asked: u16,
-    t_min: f32,
+    pub directions: [[f32; FAN]; 3],
+    pub asked: u16,
+    pub t_min: f32,
     t_max: f32,
 }
 
@@ -43,15 +43,15 @@ pub(super) struct Beam {
     pub axes: [usize; 3],
     /// Against the longest axis.
     pub backward: bool,
-    members: u16,
+    pub members: u16,
     pub t_min: f32,
     pub t_max: f32,
 }
 
 /// Segments by what their directions are like; bit i is segment i.
-struct Kinds {
+pub(super) struct Kinds {
     /// Finite and not vanishing.
-    can_be_followed: u16,
+    pub can_be_followed: u16,
     /// By longest axis.
     longest: [u16; 3],
     /// By axis, those that go against it.
@@ -69,6 +69,25 @@ impl Fan {
             directions[2][segment] = target.z - origin.z;
         }
         Fan { origin, directions, asked, t_min: not_negative(t_min), t_max }
+    }
+
+    /// Rays without end along the directions whose bits are set in `asked`.
+    #[inline(always)]
+    pub fn endless(origin: Vec3, along: &[Vec3; FAN], asked: u16, t_min: f32) -> Fan {
+        let mut directions = [[0.0; FAN]; 3];
+        for (ray, direction) in along.iter().enumerate() {
+            directions[0][ray] = direction.x;
+            directions[1][ray] = direction.y;
+            directions[2][ray] = direction.z;
+        }
+        Fan { origin, directions, asked, t_min: not_negative(t_min), t_max: f32::INFINITY }
+    }
+
+    /// The direction of a segment.
+    #[inline(always)]
+    pub fn direction(&self, segment: usize) -> Vec3 {
+        let [x, y, z] = &self.directions;
+        Vec3::new(x[segment], y[segment], z[segment])
     }
 
     /// The segments that hit something.
@@ -94,8 +113,7 @@ impl Fan {
         while pending != 0 {
             let segment = pending.trailing_zeros() as usize;
             pending &= pending - 1;
-            let [x, y, z] = &self.directions;
-            let direction = Vec3::new(x[segment], y[segment], z[segment]);
+            let direction = self.direction(segment);
             let ray = Ray { origin: self.origin, direction, t_min: self.t_min, t_max: self.t_max };
             occluded |= u16::from(traverse::occluded::<W, Q>(tree, &ray, room.lent())) << segment;
         }
@@ -103,7 +121,7 @@ impl Fan {
     }
 
     #[inline(always)]
-    fn kinds<W: Lanes<WIDTH>>(&self) -> Kinds {
+    pub fn kinds<W: Lanes<WIDTH>>(&self) -> Kinds {
         let (zero, largest, shortest) = (W::splat(0.0), W::splat(f32::MAX), W::splat(SHORTEST));
         let mut kinds = Kinds { can_be_followed: 0, longest: [0; 3], backward: [0; 3] };
         for half in 0..HALVES {
@@ -127,7 +145,7 @@ impl Fan {
 
     /// The first of `pending` and all that go its way.
     #[inline(always)]
-    fn beam(&self, kinds: &Kinds, pending: u16) -> Beam {
+    pub fn beam(&self, kinds: &Kinds, pending: u16) -> Beam {
         let first = pending.trailing_zeros() as usize;
         let has_first = |kind: u16| kind >> first & 1 == 1;
         let axes = match kinds.longest.map(has_first) {
@@ -159,8 +177,7 @@ impl Beam {
             return [0, self.members];
         }
         let shears = self.shears::<W>();
-        let slopes_of = |i: usize| Interval::of(&[shears[0].slopes[i].store(), shears[1].slopes[i].store()]);
-        let slopes = [slopes_of(0), slopes_of(1)];
+        let slopes = slopes_of(&shears);
         let is_wide = slopes[0].width().max(slopes[1].width()) > WIDE;
         let members = if is_wide { BoxMembers::<W>::new(self) } else { None };
         if is_wide && members.is_none() {
@@ -200,7 +217,7 @@ impl Beam {
     }
 
     #[inline(always)]
-    fn shears<W: Lanes<WIDTH>>(&self) -> [Shear<W>; HALVES] {
+    pub fn shears<W: Lanes<WIDTH>>(&self) -> [Shear<W>; HALVES] {
         let direction = |half| three!(|i| W::load(half_of(&self.directions[i], half)));
         [Shear::new(direction(0)), Shear::new(direction(1))]
     }
@@ -212,6 +229,13 @@ impl Beam {
         let signed = Interval::of(&[*low, *high]);
         if self.backward { signed.negated() } else { signed }
     }
+}
+
+/// Least and greatest slopes on the other two axes.
+#[inline(always)]
+pub(super) fn slopes_of<W: Lanes<WIDTH>>(shears: &[Shear<W>; HALVES]) -> [Interval; 2] {
+    let of_axis = |i: usize| Interval::of(&[shears[0].slopes[i].store(), shears[1].slopes[i].store()]);
+    [of_axis(0), of_axis(1)]
 }
 
 #[inline(always)]

@@ -48,6 +48,8 @@ pub(super) trait Lanes<const N: usize>:
     fn at_most(self, other: Self) -> u32;
     /// Bit i set where lane i is below that of `other`; never for NaN.
     fn below(self, other: Self) -> u32;
+    /// Lane i is that of `other` where bit i of `lanes` is set.
+    fn replaced(self, other: Self, lanes: u32) -> Self;
 }
 
 /// Lanes as a plain array; the compiler vectorizes it as far as the target's baseline goes.
@@ -122,5 +124,13 @@ impl<const N: usize> Lanes<N> for Portable<N> {
             mask |= u32::from(self.0[i] < other.0[i]) << i;
         }
         mask
+    }
+
+    #[inline(always)]
+    fn replaced(mut self, other: Self, lanes: u32) -> Self {
+        for i in 0..N {
+            self.0[i] = if lanes >> i & 1 == 1 { other.0[i] } else { self.0[i] };
+        }
+        self
     }
 }

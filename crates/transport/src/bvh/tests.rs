@@ -3,6 +3,7 @@
 use glam::{DVec3, Quat, Vec3};
 
 use super::dispatch::Instructions;
+use super::packet::Packet;
 use super::{Bvh, Hit, Ray};
 
 /// Repeatable random numbers: the same on every machine.
@@ -183,6 +184,162 @@ fn targets_that_are_no_directions_are_free() {
     (targets[3], targets[4], targets[5]) = (Vec3::ZERO, Vec3::NAN, -Vec3::Z);
     assert_eq!(bvh.visible16(Vec3::ZERO, &targets, 16, 0.0, 1.0), 0b11_1000);
     assert_eq!(bvh.visible16(Vec3::ZERO, &targets, 0, 0.0, 1.0), 0);
+}
+
+/// Holds a packet against single rays, to the bit; how many of them hit something.
+#[track_caller]
+fn assert_packet_equals_singles(
+    bvh: &Bvh,
+    origin: Vec3,
+    directions: &[Vec3; 16],
+    n: usize,
+    ends: (f32, [f32; 16]),
+) -> usize {
+    let (t_min, t_max) = ends;
+    let bits = |hit: Hit| ([hit.t, hit.u, hit.v].map(f32::to_bits), hit.triangle);
+    for bvh in [bvh, &portable(bvh)] {
+        let hits = bvh.closest16(origin, directions, n, t_min, &t_max);
+        for (i, &direction) in directions.iter().enumerate() {
+            let ray = Ray { origin, direction, t_min, t_max: t_max[i] };
+            let expected = if i < n { bvh.closest(&ray) } else { None };
+            assert_eq!(hits[i].map(bits), expected.map(bits), "ray {i} of {n}, {ray:?}");
+        }
+    }
+    bvh.closest16(origin, directions, n, t_min, &t_max).iter().flatten().count()
+}
+
+const ENDLESS: (f32, [f32; 16]) = (0.0, [f32::INFINITY; 16]);
+
+#[test]
+fn a_packet_hits_what_single_rays_hit() {
+    let mut random = Random(23);
+    for (n_triangles, size) in [(40, 0.5), (1200, 0.1), (5000, 0.03)] {
+        let bvh = build(&soup(&mut random, n_triangles, size, 1.0));
+        for spread in [0.0, 1e-5, 1e-3, 0.03, 0.1, 0.5, 2.0] {
+            let (mut n_rays, mut n_hits) = (0, 0);
+            for packet in 0..400 {
+                let (origin, toward, n) = (random.point(), random.point(), 1 + packet % 16);
+                let directions = [0; 16].map(|_| toward - origin + random.point() * spread);
+                n_hits += assert_packet_equals_singles(&bvh, origin, &directions, n, ENDLESS);
+                let t_max = [0; 16].map(|_| random.unit() * 2.0);
+                assert_packet_equals_singles(&bvh, origin, &directions, n, (0.2 * random.unit(), t_max));
+                n_rays += n;
+            }
+            assert!(n_hits * 10 > n_rays, "{n_triangles} triangles, spread {spread}: {n_hits} of {n_rays}");
+        }
+    }
+}
+
+#[test]
+fn a_packet_goes_through_the_tree_together() {
+    let mut random = Random(24);
+    let bvh = build(&soup(&mut random, 1200, 0.1, 1.0));
+    let (mut n_alone, mut n) = (0, 0);
+    for _ in 0..400 {
+        let (origin, toward) = (random.point(), random.point());
+        let directions = [0; 16].map(|_| toward - origin + random.point() * 0.01);
+        n_alone += Packet::new(origin, &directions, u16::MAX, 0.0, &ENDLESS.1).n_alone(&bvh.tree);
+        n += 16;
+    }
+    assert!(n_alone * 4 < n, "{n_alone} of {n} went by themselves");
+}
+
+/// Directions through neighboring pixels, 4 × 4 of them, of a picture that looks along `forward`.
+fn of_pixels(forward: Vec3, place: [f32; 2], pixel: f32) -> [Vec3; 16] {
+    let (right, up) = forward.any_orthonormal_pair();
+    std::array::from_fn(|i| {
+        let [x, y] = [place[0] + (i % 4) as f32 * pixel, place[1] + (i / 4) as f32 * pixel];
+        (forward + right * x + up * y).normalize()
+    })
+}
+
+#[test]
+fn a_packet_hits_what_single_rays_hit_in_a_box_along_the_axes() {
+    // Flat boxes around what is flat, at which distances of box and hit differ by rounding alone, and edges that many rays run into.
+    let mut random = Random(25);
+    for (n, jitter, rotation) in
+        [(1, 0.0, Quat::IDENTITY), (16, 0.0, Quat::IDENTITY), (16, 0.02, Quat::from_rotation_x(0.7))]
+    {
+        let closed = ClosedBox::new(&mut random, n, jitter, rotation);
+        let bvh = build(&closed.triangles);
+        for packet in 0..1200 {
+            let origin = random.point() * 0.9;
+            let directions = match packet % 3 {
+                0 => of_pixels(random.point().normalize(), [0, 1].map(|_| random.unit() - 0.5), 0.01 * random.unit()),
+                1 => {
+                    let seam = closed.seam(&mut random);
+                    [0; 16].map(|_| seam - origin + random.point() * 1e-6)
+                }
+                _ => {
+                    let middle = closed.seam(&mut random);
+                    [0; 16].map(|_| middle.lerp(closed.seam(&mut random), 0.05) - origin)
+                }
+            };
+            assert_packet_equals_singles(&bvh, origin, &directions, 16, ENDLESS);
+            // From a point on a side, where rays begin that leave it.
+            let seam = closed.seam(&mut random);
+            assert_packet_equals_singles(&bvh, seam, &directions, 16, ENDLESS);
+        }
+    }
+}
+
+#[test]
+fn a_packet_sees_coincident_triangles_as_single_rays_do() {
+    let mut random = Random(26);
+    for flat in [true, false] {
+        let mut triangles = soup(&mut random, 60, 0.5, 1.0);
+        if flat {
+            triangles.iter_mut().flatten().for_each(|corner| corner.y = 0.25);
+        }
+        // Each three times, and some a few steps of rounding apart.
+        let again: Vec<_> = triangles.iter().map(|triangle| triangle.map(|corner| corner + Vec3::Y * 1e-7)).collect();
+        let bvh = build(&[triangles.clone(), triangles.clone(), triangles, again].concat());
+        for _ in 0..1500 {
+            let (origin, toward) = (random.point() * 2.0, random.point());
+            let directions = of_pixels((toward - origin).normalize(), [0.0; 2], 0.02 * random.unit());
+            assert_packet_equals_singles(&bvh, origin, &directions, 16, ENDLESS);
+        }
+    }
+}
+
+#[test]
+fn a_packet_along_an_axis_hits_what_single_rays_hit() {
+    let mut random = Random(27);
+    let bvh = build(&soup(&mut random, 300, 0.1, 1.0));
+    for packet in 0..1000 {
+        let (axis, sign) = (random.below(3), if random.unit() < 0.5 { -1.0 } else { 1.0 });
+        let origin = (random.point() * 4.0).round() / 4.0;
+        let step = [0.0, 0.01, 0.25][packet % 3];
+        let directions = std::array::from_fn(|i| {
+            let mut direction = Vec3::splat(0.0);
+            direction[axis] = sign;
+            direction[(axis + 1) % 3] = (i % 4) as f32 * step;
+            direction[(axis + 2) % 3] = (i / 4) as f32 * step;
+            direction
+        });
+        assert_packet_equals_singles(&bvh, origin, &directions, 16, ENDLESS);
+    }
+}
+
+#[test]
+fn rays_of_a_packet_that_are_none_hit_nothing() {
+    let bvh = build(&soup(&mut Random(42), 100, 1.0, 1.0));
+    let mut directions = [Vec3::new(0.3, 0.2, 1.0); 16];
+    let bad = [Vec3::NAN, Vec3::INFINITY, Vec3::ZERO, Vec3::new(f32::NAN, 1.0, 0.0), Vec3::splat(1e-42)];
+    directions[3..8].copy_from_slice(&bad);
+    directions[8] = -directions[0];
+    let origin = Vec3::new(0.1, -0.2, -0.3);
+    assert!(assert_packet_equals_singles(&bvh, origin, &directions, 16, ENDLESS) > 0);
+    let mut t_max = [f32::INFINITY; 16];
+    t_max[..5].copy_from_slice(&[f32::NAN, -1.0, 0.0, f32::MIN_POSITIVE, f32::MAX]);
+    for t_min in [0.0, -3.0, 0.5, f32::NAN, f32::INFINITY] {
+        assert_packet_equals_singles(&bvh, origin, &directions, 16, (t_min, t_max));
+    }
+    for nowhere in [Vec3::NAN, Vec3::INFINITY] {
+        assert_eq!(bvh.closest16(nowhere, &directions, 16, 0.0, &ENDLESS.1), [None; 16]);
+    }
+    assert_eq!(bvh.closest16(origin, &directions, 0, 0.0, &ENDLESS.1), [None; 16]);
+    assert_packet_equals_singles(&build(&[]), origin, &directions, 16, ENDLESS);
 }
 
 /// A closed box whose sides are grids of jittered points.

@@ -58,8 +58,10 @@ impl Trail {
         Trail { origin, direction, throughput: Vec3::ONE, extinction: Vec3::ZERO, depth: 0, is_scattered: false }
     }
 
-    fn ray(&self) -> Ray {
-        Ray { origin: self.origin, direction: self.direction, t_min: 0.0, t_max: f32::INFINITY }
+    /// The next surface on the way.
+    fn next_surface(&self, scene: &PreparedScene, sampler: &mut Sampler) -> Option<SurfaceHit> {
+        let ray = Ray { origin: self.origin, direction: self.direction, t_min: 0.0, t_max: f32::INFINITY };
+        if self.is_scattered { scene.closest(&ray, sampler) } else { scene.closest_seen(&ray, sampler) }
     }
 }
 
@@ -71,24 +73,22 @@ impl Found {
             + self.segments.capacity() * size_of::<Segment>()
     }
 
-    /// Follows a ray of the camera, and one direction of each surface's lobes that are not wider than `narrow_alpha`. Returns
-    /// how far it is to the first surface, m; infinite if there is none.
+    /// Follows a ray of the camera from the first surface that it meets, if it does, and one direction of each surface's lobes
+    /// that are not wider than `narrow_alpha`.
     pub fn follow(
         &mut self,
         (scene, narrow_alpha): (&PreparedScene, f32),
-        first: Trail,
+        (first, met): (Trail, Option<SurfaceHit>),
         pixel: u32,
-        sampler: &mut Sampler,
-    ) -> f32 {
-        let (mut reach, mut waiting, mut n_parts) = (f32::INFINITY, vec![first], 0);
+        mut sampler: Sampler,
+    ) {
+        let (sampler, mut known) = (&mut sampler, Some(met));
+        let (mut waiting, mut n_parts) = (vec![first], 0);
         while let Some(mut trail) = waiting.pop() {
-            let ray = trail.ray();
-            let hit = if trail.is_scattered { scene.closest(&ray, sampler) } else { scene.closest_seen(&ray, sampler) };
+            let hit = known.take().unwrap_or_else(|| trail.next_surface(scene, sampler));
             let free = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
             (n_parts, self.n_rays) = (n_parts + 1, self.n_rays + 1);
-            if trail.depth == 0 {
-                reach = free;
-            } else if !trail.is_scattered {
+            if trail.depth > 0 && !trail.is_scattered {
                 self.segments.push(Segment { pixel, trail, reach: free });
             }
             let Some(hit) = hit else { continue };
@@ -104,7 +104,6 @@ impl Found {
                 self.meet((scene, 0.0), &trail, &hit, pixel, sampler, &mut Vec::new());
             }
         }
-        reach
     }
 
     /// Takes a surface, and notes where a viewer looks on from there.

@@ -3,15 +3,17 @@
 use std::f32::consts::PI;
 use std::ops::ControlFlow;
 
-use glam::Quat;
+use glam::{Quat, Vec2, Vec4};
 
 use super::*;
+use crate::bvh::Ray;
 use crate::lamps::tests::ONE_SIDED;
 use crate::lamps::{Body, FreeLamp, LampShape, LampUnit};
 use crate::laws::slabs::{block, glass};
 use crate::laws::stage::{Stage, lambert, pane, quad};
 use crate::light::{LightRig, LightSetting};
-use crate::scene::Material;
+use crate::prepared::SurfaceHit;
+use crate::scene::{AlphaMode, Material};
 use crate::trace::{TraceConfig, trace};
 
 const FILM: Film = Film { width: 48, height: 32 };
@@ -433,6 +435,46 @@ fn numbers_that_are_none_are_refused_by_name() {
         assert!(error.contains("`free`"), "{lamp:?}: {error}");
     }
     assert!(PreparedLamps::new(&[good.clone(), good], None).is_err(), "two of one name");
+}
+
+/// A room behind leaves that are half there, a pane, and an unlit sign.
+fn overgrown() -> PreparedScene {
+    let sheet = |[x, z]: [f32; 2]| quad(Vec3::new(x, 0.2, z), Vec3::X * 1.2, Vec3::Y * 1.2);
+    let leaf = || Material { base_color: Vec4::new(0.4, 0.6, 0.2, 0.5), alpha: AlphaMode::Blend, ..lambert(0.5, 0.0) };
+    let sign = Material { unlit: true, ..lambert(0.5, 0.0) };
+    room()
+        .surface("leaf", &sheet([-1.0, 0.6]), leaf())
+        .surface("leaf before it", &sheet([-0.8, 0.9]), leaf())
+        .surface("pane", &sheet([0.2, 1.0]), Material { double_sided: true, ..pane() })
+        .surface("sign", &sheet([0.6, 1.2]), sign)
+        .prepared()
+}
+
+#[test]
+fn pixels_that_are_looked_at_together_see_what_each_sees_alone() {
+    let (scene, film, [seed, sample]) = (overgrown(), Film { width: 45, height: 30 }, [7, 3]);
+    let camera = &scene.scene.cameras[0];
+    let mut materials = std::collections::BTreeSet::new();
+    for [left, top] in [[0, 0], [16, 0], [32, 0], [0, 16], [16, 16], [32, 16]] {
+        let mut firsts = Vec::new();
+        first::look(&scene, (camera, film), (u64::from(seed), sample), [left, top], &mut firsts);
+        for (at, first) in firsts.into_iter().enumerate() {
+            let [x, y] = [left + at as u32 % TILE, top + at as u32 / TILE];
+            assert_eq!(first.is_some(), x < film.width && y < film.height, "({x}, {y})");
+            let Some(mut first) = first else { continue };
+            let mut sampler = sampler_of(u64::from(seed), y * film.width + x, sample);
+            let film_px = Vec2::new(x as f32, y as f32) + Vec2::from(sampler.next_2d());
+            let (origin, direction) = (camera.position(), camera.direction(film, film_px));
+            let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+            let alone = scene.closest_seen(&ray, &mut sampler);
+            let told = |hit: &SurfaceHit| (hit.triangle, hit.t, hit.barycentric);
+            assert_eq!(first.direction, direction, "({x}, {y})");
+            assert_eq!(first.hit.as_ref().map(told), alone.as_ref().map(told), "({x}, {y})");
+            assert_eq!(first.sampler.next_1d(), sampler.next_1d(), "random numbers after ({x}, {y})");
+            materials.extend(alone.map(|hit| scene.scene.mesh.triangle_material[hit.triangle as usize]));
+        }
+    }
+    assert!(materials.len() >= 6, "nearly all surfaces are seen: {materials:?}");
 }
 
 #[test]

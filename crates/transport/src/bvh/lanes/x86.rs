@@ -31,7 +31,10 @@ macro_rules! operator {
 }
 
 macro_rules! lanes {
-    ($lanes:ident, $n:literal, $load:ident, $splat:ident, $store:ident, $min:ident, $max:ident, $at_most:expr, $below:expr) => {
+    (
+        $lanes:ident, $n:literal, $load:ident, $splat:ident, $store:ident, $min:ident, $max:ident, $at_most:expr,
+        $below:expr, $spread:ident, $bits:expr, $and:ident, $equal:ident, $cast:ident, $blend:ident
+    ) => {
         #[allow(unused_unsafe, reason = "the 128-bit intrinsics are safe on every x86-64")]
         impl Lanes<$n> for $lanes {
             #[inline(always)]
@@ -77,6 +80,16 @@ macro_rules! lanes {
                 // SAFETY: values of this type exist only where AVX2 was detected.
                 unsafe { $below(self.0, other.0) as u32 }
             }
+
+            #[inline(always)]
+            fn replaced(self, other: Self, lanes: u32) -> Self {
+                // SAFETY: values of this type exist only where AVX2 was detected.
+                unsafe {
+                    let bits = $bits;
+                    let chosen = $equal($and($spread(lanes as i32), bits), bits);
+                    $lanes($blend(self.0, other.0, $cast(chosen)))
+                }
+            }
         }
     };
 }
@@ -98,7 +111,13 @@ lanes!(
     _mm_min_ps,
     _mm_max_ps,
     |a, b| _mm_movemask_ps(_mm_cmple_ps(a, b)),
-    |a, b| _mm_movemask_ps(_mm_cmplt_ps(a, b))
+    |a, b| _mm_movemask_ps(_mm_cmplt_ps(a, b)),
+    _mm_set1_epi32,
+    _mm_setr_epi32(1, 2, 4, 8),
+    _mm_and_si128,
+    _mm_cmpeq_epi32,
+    _mm_castsi128_ps,
+    _mm_blendv_ps
 );
 lanes!(
     Lanes8,
@@ -109,5 +128,11 @@ lanes!(
     _mm256_min_ps,
     _mm256_max_ps,
     |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)),
-    |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(a, b))
+    |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(a, b)),
+    _mm256_set1_epi32,
+    _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128),
+    _mm256_and_si256,
+    _mm256_cmpeq_epi32,
+    _mm256_castsi256_ps,
+    _mm256_blendv_ps
 );
