@@ -177,17 +177,26 @@ impl<W: Lanes<WIDTH>> BoxMembers<W> {
     /// `None` where a member runs within a plane of boxes: it takes a ray to do that right.
     #[inline(always)]
     pub fn new(beam: &Beam) -> Option<Self> {
-        let reciprocal = |i: usize, half| W::splat(1.0) / W::load(half_of(&beam.directions[i], half));
-        let reciprocals = three!(|i| [reciprocal(i, 0), reciprocal(i, 1)]);
-        let (largest, zero) = (W::splat(f32::MAX), W::splat(0.0));
-        let all = (1 << WIDTH) - 1;
-        let finite = |r: W| r.max(zero - r).at_most(largest) == all;
-        let slack = W::splat(FAR_SLACK);
-        reciprocals.iter().flatten().all(|r| finite(*r)).then(|| BoxMembers {
+        let mut reciprocals = [[W::splat(1.0); HALVES]; 3];
+        let mut far_reciprocals = reciprocals;
+        let (largest, zero, slack) = (W::splat(f32::MAX), W::splat(0.0), W::splat(FAR_SLACK));
+        let mut finite = (1 << WIDTH) - 1;
+        // Loops, as closures of iterators would not be compiled for the vectors of the machine.
+        for i in 0..3 {
+            for half in 0..HALVES {
+                let reciprocal = W::splat(1.0) / W::load(half_of(&beam.directions[i], half));
+                finite &= reciprocal.max(zero - reciprocal).at_most(largest);
+                (reciprocals[i][half], far_reciprocals[i][half]) = (reciprocal, reciprocal * slack);
+            }
+        }
+        if finite != (1 << WIDTH) - 1 {
+            return None;
+        }
+        Some(BoxMembers {
             axes: beam.axes,
             origin: three!(|i| component(beam.origin, beam.axes[i])),
             reciprocals,
-            far_reciprocals: three!(|i| [reciprocals[i][0] * slack, reciprocals[i][1] * slack]),
+            far_reciprocals,
             t_min: W::splat(beam.t_min),
             t_max: W::splat(beam.t_max),
         })

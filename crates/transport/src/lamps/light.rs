@@ -183,14 +183,14 @@ impl Lamp {
         Through { first: Some(way.first()), way: route.map(|route| Way { route, end: Some(end.position) }) }
     }
 
-    /// Whether nothing of it comes through slabs to the places of a box, middle and half of its sides.
+    /// Whether it is known that nothing of it comes through slabs to the places of a box, middle and half of its sides.
     pub(crate) fn is_beside(&self, slabs: &Slabs, places: (Vec3, Vec3)) -> bool {
         let ball = match &self.form {
             Form::Point { light, .. } => (light.position, 0.0),
             Form::Body(body) => body.ball(),
-            Form::Distant { .. } => return slabs.is_empty(),
+            Form::Distant { .. } => return false,
         };
-        slabs.is_empty() || slabs.are_beside(places, ball)
+        slabs.are_beside(places, ball)
     }
 
     /// What the point at the end of a way sends to the place where it begins.

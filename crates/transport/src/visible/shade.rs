@@ -88,7 +88,7 @@ impl<'a> Shading<'a> {
         let shared = lamp.lamp.point(u).filter(|_| !lamp.lamp.is_ball());
         let mut fan = Fan { n: 0, places: [Vec3::ZERO; GROUP], values: [Vec3::ZERO; GROUP], pixels: [0; GROUP] };
         let (mut n_rays, mut legs): (u64, Vec<LastLeg>) = (0, Vec::new());
-        let is_beside_slabs = lamp.lamp.is_beside(&self.scene.slabs, around(group));
+        let is_beside_slabs = self.scene.slabs.is_empty() || lamp.lamp.is_beside(&self.scene.slabs, around(group));
         for (nth, point) in group.iter().enumerate().filter(|(_, point)| is_wanted(point.pixel)) {
             let at = (point.pixel - first) as usize;
             let (slabs, from) = (&self.scene.slabs, (point.position, self.far));
