@@ -18,7 +18,8 @@ mod nearest;
 mod response;
 mod strips;
 mod trials;
-mod vector;
+#[doc(hidden)] // Only the benchmark calls it from elsewhere.
+pub mod vector;
 
 use std::sync::Arc;
 

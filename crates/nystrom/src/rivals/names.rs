@@ -12,12 +12,7 @@ use super::{Core, Method};
 pub struct UnknownMethod(String);
 
 fn all_names() -> String {
-    every_method().map(|method| method.to_string()).collect::<Vec<_>>().join(", ")
-}
-
-/// Those of [`Method::ALL`], and the variants that it leaves out.
-fn every_method() -> impl Iterator<Item = Method> {
-    Method::ALL.into_iter().chain(Core::ALL.map(Method::Alg4Union))
+    Method::every().map(|method| method.to_string()).collect::<Vec<_>>().join(", ")
 }
 
 impl Core {
@@ -78,6 +73,11 @@ impl Method {
         }
         all
     };
+
+    /// Those of [`Method::ALL`], and the variants that it leaves out: all that a name which does not exist is answered with.
+    pub fn every() -> impl Iterator<Item = Method> {
+        Method::ALL.into_iter().chain(Core::ALL.map(Method::Alg4Union))
+    }
 
     /// Keys of the papers that it follows, see `docs/references.md`.
     pub fn papers(self) -> &'static [&'static str] {
@@ -226,7 +226,7 @@ mod tests {
     #[test]
     fn every_name_is_read_back_and_no_two_are_alike() {
         let mut names = Vec::new();
-        for method in every_method() {
+        for method in Method::every() {
             assert_eq!(method.to_string().parse(), Ok(method));
             assert!(!method.papers().is_empty());
             names.push(method.to_string());

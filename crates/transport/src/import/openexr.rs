@@ -12,7 +12,7 @@ use glam::{DMat3, Mat3};
 use super::channels::{self, Channels};
 use super::files::{check_pixels, guarded, of_file, read_at_most};
 use super::primaries::{converted, into_rec709};
-use super::raster::{Decoded, Raster, Whole};
+use super::raster::{Decoded, Raster, Whole, joined};
 use crate::camera::Film;
 use crate::light::REC709_FROM_XYZ;
 
@@ -231,7 +231,7 @@ pub(super) fn decode_into<R: Raster>(
     raster: &dyn Fn([u32; 2]) -> R,
 ) -> Result<(Decoded<R>, Windows), String> {
     let (windows, channels, (matrix, remarks)) = layer(&headers(Cursor::new(bytes))?, wanted, check)?;
-    let remark = (!remarks.is_empty()).then(|| remarks.join("; "));
+    let remark = joined(&remarks);
     let Windows { stored, shown, offset, block } = windows;
     let (size, offset) = match wanted {
         Wanted::Shown => (shown, offset),

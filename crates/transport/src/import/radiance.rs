@@ -9,7 +9,7 @@ use image::codecs::hdr::{HdrDecoder, HdrMetadata};
 
 use super::files::{of_file, of_image};
 use super::primaries::{converted, into_rec709_from};
-use super::raster::{Decoded, Raster, Whole};
+use super::raster::{Decoded, Raster, Whole, joined};
 
 /// Where the head of a picture ends, at the latest, whose rows or columns run the other way.
 const MOST_HEAD_BYTES: u64 = 1 << 16;
@@ -82,12 +82,7 @@ pub(super) fn decode_into<R: Raster>(
             raster.put(x, y, into_rec709.as_ref().map_or(pixel, |matrix| converted(matrix, pixel)));
         }
     }
-    Ok(Decoded {
-        size,
-        raster,
-        is_converted: into_rec709.is_some(),
-        remark: (!remarks.is_empty()).then(|| remarks.join("; ")),
-    })
+    Ok(Decoded { size, raster, is_converted: into_rec709.is_some(), remark: joined(&remarks) })
 }
 
 /// Width, height and head of a file, which is read up to its first row.

@@ -21,6 +21,11 @@ pub(super) struct Decoded<R> {
     pub remark: Option<String>,
 }
 
+/// Remarks as one, if there are any.
+pub(super) fn joined(remarks: &[String]) -> Option<String> {
+    (!remarks.is_empty()).then(|| remarks.join("; "))
+}
+
 /// All pixels as they are.
 #[derive(Debug)]
 pub(super) struct Whole {

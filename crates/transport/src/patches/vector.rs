@@ -1,4 +1,4 @@
-//! Sums of weighted rows, with the vector instructions of the machine.
+//! Sums of weighted rows, with the vector instructions of the machine; `benches/transport.rs` times them beside their safe twins.
 #![cfg_attr(
     target_arch = "x86_64",
     expect(unsafe_code, reason = "AVX2 behind run-time detection; `plain` is the safe twin with the same results")
@@ -7,12 +7,12 @@
 use half::bf16;
 
 /// Rows that are added at a time: what they are added to is read and written once for all of them.
-pub(super) const AT_ONCE: usize = 4;
+pub const AT_ONCE: usize = 4;
 /// Columns of a strip.
-pub(super) const STRIP: usize = 16;
+pub const STRIP: usize = 16;
 
 /// A row of a table, and its weight in a sum.
-pub(super) type Link = (u32, f32);
+pub type Link = (u32, f32);
 
 /// A number in single precision, as fast as it can be had.
 #[inline(always)]
@@ -21,7 +21,7 @@ pub(super) fn single(x: bf16) -> f32 {
 }
 
 /// Adds some rows to another one, each times its weight.
-pub(super) fn add_rows(out: &mut [f32], rows: [(f32, &[bf16]); AT_ONCE]) {
+pub fn add_rows(out: &mut [f32], rows: [(f32, &[bf16]); AT_ONCE]) {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: AVX2 was found.
@@ -31,7 +31,7 @@ pub(super) fn add_rows(out: &mut [f32], rows: [(f32, &[bf16]); AT_ONCE]) {
 }
 
 /// These rows of a strip, each with a sum of rows of a table added to it.
-pub(super) fn sums(base: &[[f32; STRIP]], links: &[Vec<Link>], table: &[[f32; STRIP]]) -> Vec<[f32; STRIP]> {
+pub fn sums(base: &[[f32; STRIP]], links: &[Vec<Link>], table: &[[f32; STRIP]]) -> Vec<[f32; STRIP]> {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: AVX2 was found.
@@ -40,21 +40,25 @@ pub(super) fn sums(base: &[[f32; STRIP]], links: &[Vec<Link>], table: &[[f32; ST
     plain::sums(base, links, table)
 }
 
-// Closures would be compiled for any machine.
-mod plain {
+/// The safe twins.
+pub mod plain {
+    // Closures in these would be compiled for any machine, whatever calls them.
+
     use half::bf16;
 
     use super::{AT_ONCE, Link, STRIP, single};
 
+    /// See [`super::add_rows`].
     #[inline(always)]
-    pub(super) fn add_rows(out: &mut [f32], [(a, x), (b, y), (c, z), (d, w)]: [(f32, &[bf16]); AT_ONCE]) {
+    pub fn add_rows(out: &mut [f32], [(a, x), (b, y), (c, z), (d, w)]: [(f32, &[bf16]); AT_ONCE]) {
         for (out, ((x, y), (z, w))) in out.iter_mut().zip(x.iter().zip(y).zip(z.iter().zip(w))) {
             *out += (a * single(*x) + b * single(*y)) + (c * single(*z) + d * single(*w));
         }
     }
 
+    /// See [`super::sums`].
     #[inline(always)]
-    pub(super) fn sums(base: &[[f32; STRIP]], links: &[Vec<Link>], table: &[[f32; STRIP]]) -> Vec<[f32; STRIP]> {
+    pub fn sums(base: &[[f32; STRIP]], links: &[Vec<Link>], table: &[[f32; STRIP]]) -> Vec<[f32; STRIP]> {
         let mut out = base.to_vec();
         for (out, links) in out.iter_mut().zip(links) {
             let mut sums = *out;

@@ -17,14 +17,11 @@ use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeConfig};
 use clerestory_transport::bvh::Ray;
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::emitters::SkyRequest;
-use clerestory_transport::import::{self, load_sky};
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
 use clerestory_transport::patches::{DEFAULT_PATCHES, NARROW_ALPHA};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::{Sampler, uniform_hash};
-use clerestory_transport::sky::{SkyForm, SkyLight};
 use clerestory_transport::trace::TraceConfig;
 use glam::{Vec2, Vec3};
 
@@ -35,6 +32,7 @@ use self::spent::{Spent, bake};
 use self::tables::{Bytes, Goals, Told};
 use super::desk::Desk;
 use super::rendered::{relit, rendered};
+use super::scenes;
 
 /// Strength of the lamp, lm.
 const LUMEN: f32 = 1500.0;
@@ -99,13 +97,9 @@ pub(super) fn cases(desk: &Desk) -> Vec<Case> {
 }
 
 pub(super) fn prepared(path: &Path, sky: Option<&Path>) -> Result<(PreparedScene, Camera)> {
-    let imported = import::load(path)?;
-    let camera = imported.scene.cameras.first().context("no camera")?.clone();
-    let map = sky
-        .map(|path| load_sky(path).with_context(|| format!("cannot load the sky {}", path.display())))
-        .transpose()?;
-    let sky = map.map(|(map, _)| SkyRequest { light: SkyLight::new("sky", map), form: SkyForm::Patches(1) });
-    Ok((PreparedScene::with_sky(imported.scene, &[], sky.as_ref())?.0, camera))
+    let scene = scenes::prepared(path, sky.map(|map| ("sky", map)))?;
+    let camera = scene.scene.cameras.first().context("no camera")?.clone();
+    Ok((scene, camera))
 }
 
 /// Lamps of a scene, the light that belongs to it, and two traced and live pictures of each.
@@ -274,6 +268,7 @@ pub(super) fn place(scene: &PreparedScene, camera: &Camera, film: Film, nth: u32
 #[cfg(test)]
 mod tests {
     use clerestory::headless::GALLERY;
+    use clerestory_transport::import;
 
     use super::*;
 

@@ -36,6 +36,7 @@ mod rays;
 mod reference;
 mod relight;
 mod rendered;
+mod scenes;
 mod sitting;
 mod skips;
 mod stability;

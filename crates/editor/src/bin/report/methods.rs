@@ -142,16 +142,26 @@ struct Repeats {
     in_single: Vec<Measured>,
 }
 
-/// All of them; the pseudo-inverse also with the threshold that suits it best.
+/// All of them, in a hurry some.
 pub fn methods(desk: &Desk) -> Vec<Method> {
-    let coarser = Core::PseudoInverse { rcond: 1e-2 };
-    let algorithms = [Method::Alg1, Method::Alg2, Method::Alg3, Method::Alg4];
-    if !desk.quick {
-        return algorithms.map(|algorithm| algorithm(coarser)).into_iter().chain(Method::ALL).collect();
-    }
+    desk.choose(some(), all())
+}
+
+/// All that bakes can be made by; the pseudo-inverse also with the threshold that suits it best.
+fn all() -> Vec<Method> {
+    coarser().into_iter().chain(Method::every()).collect()
+}
+
+/// Of most algorithms no other core than that.
+fn some() -> Vec<Method> {
     let others = Method::ALL.into_iter().filter(|method| method.is_by_itself());
-    let fourth = Core::ALL.map(Method::Alg4);
-    algorithms.map(|algorithm| algorithm(coarser)).into_iter().chain(fourth).chain(others).collect()
+    coarser().into_iter().chain(Core::ALL.map(Method::Alg4)).chain(others).collect()
+}
+
+/// Every algorithm that takes a core, with the pseudo-inverse and the threshold that suits it best.
+fn coarser() -> [Method; 5] {
+    let algorithms = [Method::Alg1, Method::Alg2, Method::Alg3, Method::Alg4, Method::Alg4Union];
+    algorithms.map(|algorithm| algorithm(Core::PseudoInverse { rcond: 1e-2 }))
 }
 
 /// One method at one rank on some matrices.
@@ -208,6 +218,18 @@ fn words(repeats: &[Measured], peak: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_method_that_a_bake_can_be_told_has_a_row() {
+        let (all, refused) = (all(), "none".parse::<Method>().unwrap_err().to_string());
+        let (_, names) = refused.split_once("; there are ").unwrap();
+        for name in names.split(", ") {
+            let method: Method = name.parse().unwrap();
+            assert!(all.contains(&method), "{name}");
+        }
+        assert!(some().iter().all(|method| all.contains(method)), "what is told in a hurry is told at leisure, too");
+        assert!((1..all.len()).all(|nth| !all[..nth].contains(&all[nth])), "a method has one row");
+    }
 
     #[test]
     fn errors_are_told_in_decibels_and_failures_in_words() {

@@ -5,13 +5,10 @@ mod runs;
 pub mod seconds;
 mod table;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use clerestory_transport::emitters::SkyRequest;
-use clerestory_transport::import::{self, load_sky};
 use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::sky::{SkyForm, SkyLight};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,6 +17,7 @@ use super::desk::Desk;
 use super::fit::{spread_words, tenths, to_tenths};
 use super::goal::gains_words;
 use super::plot::{Axis, Panel, Scale, Series};
+use super::scenes;
 
 /// Names of the sections of scenes in which light comes by mirrors and glass, of those that lie elsewhere, and of the first seconds.
 const EVEN: &str = "time";
@@ -278,16 +276,8 @@ fn others(desk: &Desk, scenes: &'static [Elsewhere]) -> Vec<Subject> {
 
 /// Loads a scene and makes it ready for rays.
 pub(super) fn prepared(subject: &Subject) -> Result<Arc<PreparedScene>> {
-    let path = &subject.path;
-    let scene = import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))?.scene;
-    let sky = match &subject.sky {
-        None => None,
-        Some(path) => {
-            let map = load_sky(path).with_context(|| format!("cannot load the sky {}", path.display()))?.0;
-            Some(SkyRequest { light: SkyLight::new(subject.name, map), form: SkyForm::Patches(1) })
-        }
-    };
-    Ok(Arc::new(PreparedScene::with_sky(scene, &[], sky.as_ref())?.0))
+    let sky = subject.sky.as_deref().map(|map| (subject.name, map));
+    Ok(Arc::new(scenes::prepared(&subject.path, sky)?))
 }
 
 fn panel(subject: &Subject, measured: &Measured, class: usize) -> Panel {

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::SEED;
 use crate::fronts::block_factors;
 use crate::methods::dense::{CHANNELS, Picture};
+use crate::targets::coded::written_and_read;
 
 /// Dark blocks may err as much as bright ones, which takes fewer bytes than what bakes hold them to.
 const BRIGHT: f32 = 0.0;
@@ -68,9 +69,7 @@ impl Components {
         let preserved = vec![1.0; picture.n_cols];
         let packed =
             PackedMatrix::pack(&matrix, &PackPlan { columns, allowed: allowed as f32, strong: BRIGHT, preserved });
-        let mut bytes = Vec::new();
-        packed.encode(&mut bytes);
-        Ok((bytes.len(), packed.unpack()?))
+        written_and_read(&packed)
     }
 }
 

@@ -11,7 +11,6 @@ use clerestory::compare::{compare, white_level};
 use clerestory_relight::{CpuRelighter, DeviceChoice, Frame, Radiance, Relight};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
 use clerestory_transport::camera::Film;
-use clerestory_transport::import;
 use clerestory_transport::light::{LightRig, LightSetting};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::trace::TraceConfig;
@@ -25,6 +24,7 @@ use crate::methods::planes::Planes;
 use crate::prints::{averaged, difference, jpeg_below};
 use crate::reference::uncompressed;
 use crate::rendered::rendered;
+use crate::scenes;
 
 const FRAMES: usize = 25;
 const AMPLIFIED: f32 = 10.0;
@@ -53,7 +53,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
 pub fn on_devices(desk: &Desk, section: &str, choice: DeviceChoice) -> Result<String> {
     let Some(path) = desk.shared(ROOM) else { return Ok(String::new()) };
     desk.part::<String>(section, "conference", || {
-        let ((film, spp), scene) = (size(desk), prepared(&path)?);
+        let ((film, spp), scene) = (size(desk), Arc::new(scenes::prepared(&path, None)?));
         desk.say("baking the conference room");
         let bake = baked(&job(&scene, film, spp), false)?;
         desk.say("relighting it");
@@ -72,7 +72,7 @@ pub fn on_devices(desk: &Desk, section: &str, choice: DeviceChoice) -> Result<St
 
 /// The text, and the bytes of the sheet.
 fn measured(desk: &Desk, path: &Path) -> Result<(String, Vec<u8>)> {
-    let ((film, spp), scene) = (size(desk), prepared(path)?);
+    let ((film, spp), scene) = (size(desk), Arc::new(scenes::prepared(path, None)?));
     let job = job(&scene, film, spp);
     desk.say("baking the conference room");
     let bake = baked(&job, false)?;
@@ -117,11 +117,6 @@ fn measured(desk: &Desk, path: &Path) -> Result<(String, Vec<u8>)> {
 /// Of the picture, and samples of each pixel.
 fn size(desk: &Desk) -> (Film, u32) {
     desk.choose((Film { width: 128, height: 96 }, 4), (Film { width: 1024, height: 768 }, 32))
-}
-
-fn prepared(path: &Path) -> Result<Arc<PreparedScene>> {
-    let scene = import::load(path).with_context(|| format!("cannot load {}", path.display()))?.scene;
-    Ok(Arc::new(PreparedScene::new(scene, &[])?.0))
 }
 
 fn job(scene: &Arc<PreparedScene>, film: Film, spp: u32) -> BakeJob {

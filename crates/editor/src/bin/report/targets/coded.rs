@@ -149,22 +149,20 @@ impl Subject {
         let matrix = self.compressed(&config, &partition, coding)?;
         let compressing = begun.elapsed().as_secs_f64();
         let columns = if coding.grid { grid } else { vec![ColumnRun::List(n_cols as u32)] };
-        let plan = PackPlan { columns, allowed, strong: BRIGHT, preserved: vec![1.0; n_cols] };
+        let plan = pack_plan(columns, n_cols, allowed);
         let begun = Instant::now();
         let packed = single_threaded(|| PackedMatrix::pack(&matrix, &plan))?;
         let mut packing = begun.elapsed().as_secs_f64();
-        let mut bytes = Vec::new();
-        packed.encode(&mut bytes);
-        let (read, n_bytes) = match coding.storage {
-            Storage::Packed => (packed.unpack()?, bytes.len()),
+        let (n_bytes, read) = match coding.storage {
+            Storage::Packed => written_and_read(&packed)?,
             Storage::SharedRight => {
                 let begun = Instant::now();
                 let shared = single_threaded(|| SharedRight::pack(&matrix, &plan))?;
                 packing = begun.elapsed().as_secs_f64();
-                (shared.unpack()?, shared.n_bytes())
+                (shared.n_bytes(), shared.unpack()?)
             }
-            Storage::SixteenBits => (matrix.clone(), matrix.n_bytes()),
-            Storage::Single => (matrix.clone(), bytes_in_single(&matrix)),
+            Storage::SixteenBits => (matrix.n_bytes(), matrix.clone()),
+            Storage::Single => (bytes_in_single(&matrix), matrix.clone()),
         };
         let judged = match coding.storage {
             Storage::Single => Judged::beside(&self.truth, self.in_single(&config, &partition, coding)?, &read),
@@ -233,6 +231,21 @@ impl Subject {
             n_samples: [1; 2],
         }
     }
+}
+
+/// How a matrix whose brightest light is 1 is packed to a mean square error: darker blocks are held to less, as in bakes.
+pub fn pack_plan(columns: Vec<ColumnRun>, n_cols: usize, allowed: f32) -> PackPlan {
+    PackPlan { columns, allowed, strong: BRIGHT, preserved: vec![1.0; n_cols] }
+}
+
+/// Bytes that a packed matrix takes in a file, and what is read back.
+///
+/// # Errors
+/// If it cannot be unpacked.
+pub fn written_and_read(packed: &PackedMatrix) -> Result<(usize, BlockLowRank)> {
+    let mut bytes = Vec::new();
+    packed.encode(&mut bytes);
+    Ok((bytes.len(), packed.unpack()?))
 }
 
 /// Multiplications per pixel and picture of what was packed and of what is read back, as [`Coded::multiply_adds`] has them.

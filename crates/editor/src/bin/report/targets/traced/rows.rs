@@ -4,9 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use clerestory_nystrom::rivals::{Core, Method};
-use clerestory_nystrom::{
-    BlockError, BlockFactors, BlockLowRank, CompressConfig, PackPlan, PackedMatrix, compress_block,
-};
+use clerestory_nystrom::{BlockError, BlockFactors, BlockLowRank, CompressConfig, PackedMatrix, compress_block};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +13,7 @@ use super::{Block, Traced, allowed, compression, grid};
 use crate::desk::Desk;
 use crate::fit::{hundredths, median, tenths, wholes};
 use crate::methods::dense::{CHANNELS, TILE};
-use crate::targets::coded::{BRIGHT, multiply_adds};
+use crate::targets::coded::{multiply_adds, pack_plan, written_and_read};
 use crate::targets::judged::decibels;
 use crate::targets::{SLACK_DB, merit, order};
 
@@ -69,17 +67,13 @@ impl Traced {
         for (block, factors) in self.blocks.iter().zip(factors) {
             matrix.blocks[block.block_idx as usize] = Some(Arc::new(factors));
         }
-        let plan =
-            PackPlan { columns: vec![grid(self.n_cols)], allowed, strong: BRIGHT, preserved: vec![1.0; self.n_cols] };
-        let packed = PackedMatrix::pack(&matrix, &plan);
-        let mut bytes = Vec::new();
-        packed.encode(&mut bytes);
+        let packed = PackedMatrix::pack(&matrix, &pack_plan(vec![grid(self.n_cols)], self.n_cols, allowed));
+        let (n_bytes, read) = written_and_read(&packed)?;
         // What lies around the blocks is about as much for each of the picture, there or not.
-        let around = (bytes.len() - packed.n_bytes()) as f64 / self.partition.n_blocks() as f64;
+        let around = (n_bytes - packed.n_bytes()) as f64 / self.partition.n_blocks() as f64;
         let block_bytes = packed.block_bytes() as f64 / self.blocks.len() as f64 + around;
         let once = (packed.n_bytes() - packed.block_bytes()) as f64;
         let dense_bytes = (CHANNELS * TILE * TILE * self.n_cols * size_of::<f32>()) as f64;
-        let read = packed.unpack()?;
         // No error is told as less than nothing.
         let db = |mean_square: f64| decibels(mean_square.max(1e-12));
         Ok(Found {
