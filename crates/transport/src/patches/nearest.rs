@@ -1,6 +1,7 @@
 //! Which patches stand for a point of a surface.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Patches that share a point.
 pub(super) const SHARING: usize = 4;
@@ -22,6 +23,10 @@ impl Center {
 
 /// Patches of a leaf at most: they are looked at together.
 const LEAF: usize = 8;
+/// Leaves of the patches that are known to be nearest to each patch.
+const AROUND: usize = 4;
+/// Above one by more than the roundings of three distances.
+const ROUNDED_UP: f32 = 1.0 + 1e-5;
 /// Coordinates of a point: where it is, and its normal times the reach.
 const DIMENSIONS: usize = 6;
 
@@ -33,6 +38,8 @@ pub(super) struct Nearest {
     splits: Vec<Split>,
     /// The level below the last one of splits.
     leaves: Vec<Leaf>,
+    /// Of each patch.
+    around: Vec<Around>,
     /// Distance that a right angle between normals counts as, over the square root of two, m.
     reach_m: f32,
 }
@@ -55,11 +62,18 @@ struct Leaf {
     patches: [u32; LEAF],
 }
 
+/// The patches nearest to a patch, itself included, and how far away the first of each leaf is, m.
+#[derive(Clone, Debug, PartialEq)]
+struct Around {
+    leaves: [Leaf; AROUND],
+    from_m: [f32; AROUND],
+}
+
 /// The nearest patches so far, and their squared distances.
-struct Found {
+struct Found<const N: usize> {
     n: usize,
-    patches: [u32; SHARING + 1],
-    squared: [f32; SHARING + 1],
+    patches: [u32; N],
+    squared: [f32; N],
 }
 
 impl Nearest {
@@ -68,8 +82,9 @@ impl Nearest {
         let mut order: Vec<u32> = (0..centers.len() as u32).collect();
         let n_leaves = centers.len().div_ceil(LEAF).next_power_of_two();
         let (splits, leaves) = (vec![Split::default(); n_leaves - 1], vec![Leaf::EMPTY; n_leaves]);
-        let mut nearest = Nearest { centers, splits, leaves, reach_m };
+        let mut nearest = Nearest { centers, splits, leaves, around: Vec::new(), reach_m };
         nearest.divide(0, &mut order);
+        nearest.around = nearest.centers.par_iter().map(|center| nearest.around(center)).collect();
         nearest
     }
 
@@ -136,17 +151,62 @@ impl Nearest {
         self.found(position, normal).squared[SHARING].sqrt()
     }
 
-    fn found(&self, position: Vec3, normal: Vec3) -> Found {
-        let mut search = Search {
-            tree: self,
-            position,
-            normal,
-            at: coordinates(position, normal, self.reach_m),
-            off: [0.0; DIMENSIONS],
-            found: Found { n: 0, patches: [0; SHARING + 1], squared: [f32::INFINITY; SHARING + 1] },
+    fn around(&self, center: &Center) -> Around {
+        let found = self.sought::<{ AROUND * LEAF }>(center.position, center.normal);
+        let mut leaves = found.patches[..found.n].chunks(LEAF).map(|patches| Leaf::of(&self.centers, patches));
+        Around {
+            leaves: std::array::from_fn(|_| leaves.next().unwrap_or(Leaf::EMPTY)),
+            from_m: std::array::from_fn(|i| found.squared[i * LEAF].sqrt()),
+        }
+    }
+
+    /// The patches nearest to a point. Those of the leaf that it falls into tell one that is near, and what is nearest to that is known.
+    fn found(&self, position: Vec3, normal: Vec3) -> Found<{ SHARING + 1 }> {
+        let (mut place, at) = (0, coordinates(position, normal, self.reach_m));
+        while let Some(split) = self.splits.get(place) {
+            place = 2 * place + if at[usize::from(split.axis)] < split.at { 1 } else { 2 };
+        }
+        let nearest_of = |leaf: &Leaf| {
+            let squared = self.squared_distances(position, normal, leaf);
+            let first = (1..LEAF).fold(0, |first, i| if squared[i] < squared[first] { i } else { first });
+            (leaf.patches[first] as usize, squared[first].sqrt())
         };
+        let (mut near, mut apart_m) = nearest_of(&self.leaves[place - self.splits.len()]);
+        // The leaf may lie aside of the nearest one, which is mostly beside what it tells.
+        if let Some(around) = self.around.get(near) {
+            (near, apart_m) = nearest_of(&around.leaves[0]);
+        }
+        if let Some(around) = self.around.get(near) {
+            let mut found = Found::new();
+            for (leaf, from_m) in around.leaves.iter().zip(around.from_m) {
+                // What is farther from that patch than both together is farther than the farthest one found.
+                if from_m > (apart_m + found.squared[SHARING].sqrt()) * ROUNDED_UP {
+                    return found;
+                }
+                found.offer_all(leaf, &self.squared_distances(position, normal, leaf));
+            }
+            if self.centers.len() <= AROUND * LEAF {
+                return found;
+            }
+        }
+        self.sought(position, normal)
+    }
+
+    /// The patches nearest to a point, sought in the whole tree.
+    fn sought<const N: usize>(&self, position: Vec3, normal: Vec3) -> Found<N> {
+        let (at, off) = (coordinates(position, normal, self.reach_m), [0.0; DIMENSIONS]);
+        let mut search = Search { tree: self, position, normal, at, off, found: Found::new() };
         search.visit(0, 0.0);
         search.found
+    }
+
+    #[inline(always)]
+    fn squared_distances(&self, position: Vec3, normal: Vec3, leaf: &Leaf) -> [f32; LEAF] {
+        let mut squared = apart(position, &leaf.positions);
+        // Surfaces that look another way receive other light.
+        let (turned, reach_squared) = (apart(normal, &leaf.normals), self.reach_m * self.reach_m);
+        squared.iter_mut().zip(turned).for_each(|(squared, turned)| *squared += reach_squared * turned);
+        squared
     }
 }
 
@@ -156,22 +216,23 @@ fn coordinates(position: Vec3, normal: Vec3, reach_m: f32) -> [f32; DIMENSIONS] 
 }
 
 /// Looks for the patches nearest to a point.
-struct Search<'a> {
+struct Search<'a, const N: usize> {
     tree: &'a Nearest,
     position: Vec3,
     normal: Vec3,
     at: [f32; DIMENSIONS],
     /// How far away, along each coordinate, the part of the tree is that is being visited.
     off: [f32; DIMENSIONS],
-    found: Found,
+    found: Found<N>,
 }
 
-impl Search<'_> {
+impl<const N: usize> Search<'_, N> {
     /// Looks at a part of the tree, whose squared distance is at least `squared`.
     fn visit(&mut self, place: usize, squared: f32) {
         let tree = self.tree;
         let Some(split) = tree.splits.get(place) else {
-            return self.look(&tree.leaves[place - tree.splits.len()]);
+            let leaf = &tree.leaves[place - tree.splits.len()];
+            return self.found.offer_all(leaf, &tree.squared_distances(self.position, self.normal, leaf));
         };
         let axis = usize::from(split.axis);
         let off = self.at[axis] - split.at;
@@ -181,28 +242,25 @@ impl Search<'_> {
         // What lies beyond the split is at least so far away along its axis [Arya1993].
         let before = self.off[axis];
         let beyond = squared - before * before + off * off;
-        if beyond < self.found.squared[SHARING] {
+        if beyond < self.found.squared[N - 1] {
             self.off[axis] = off;
             self.visit(far, beyond);
             self.off[axis] = before;
         }
     }
+}
 
-    fn look(&mut self, leaf: &Leaf) {
-        let mut squared = [0.0; LEAF];
-        for (i, squared) in squared.iter_mut().enumerate() {
-            let apart = |from: Vec3, to: &[[f32; LEAF]; 3]| {
-                let [x, y, z] = [from.x - to[0][i], from.y - to[1][i], from.z - to[2][i]];
-                x * x + y * y + z * z
-            };
-            // Surfaces that look another way receive other light.
-            let turned = self.tree.reach_m * self.tree.reach_m * apart(self.normal, &leaf.normals);
-            *squared = apart(self.position, &leaf.positions) + turned;
-        }
-        for (patch, squared) in leaf.patches.into_iter().zip(squared) {
-            self.found.offer(patch, squared);
+/// Squared distances of a point from all of a leaf.
+#[inline(always)]
+fn apart(from: Vec3, to: &[[f32; LEAF]; 3]) -> [f32; LEAF] {
+    let mut squared = [0.0; LEAF];
+    for (from, to) in from.to_array().into_iter().zip(to) {
+        for (squared, to) in squared.iter_mut().zip(to) {
+            let off = from - to;
+            *squared += off * off;
         }
     }
+    squared
 }
 
 impl Leaf {
@@ -221,22 +279,33 @@ impl Leaf {
     }
 }
 
-impl Found {
-    #[inline]
-    fn offer(&mut self, patch: u32, squared: f32) {
-        if squared < self.squared[SHARING] {
-            self.insert(patch, squared);
+impl<const N: usize> Found<N> {
+    fn new() -> Self {
+        Found { n: 0, patches: [0; N], squared: [f32::INFINITY; N] }
+    }
+
+    /// Takes those of a leaf that are nearer than the farthest so far, which of most leaves is none.
+    #[inline(always)]
+    fn offer_all(&mut self, leaf: &Leaf, squared: &[f32; LEAF]) {
+        let farthest = self.squared[N - 1];
+        let mut nearer = squared.iter().enumerate().fold(0_u32, |all, (i, &x)| all | u32::from(x < farthest) << i);
+        while nearer != 0 {
+            let i = nearer.trailing_zeros() as usize;
+            nearer &= nearer - 1;
+            if squared[i] < self.squared[N - 1] {
+                self.insert(leaf.patches[i], squared[i]);
+            }
         }
     }
 
     fn insert(&mut self, patch: u32, squared: f32) {
-        let mut at = SHARING;
+        let mut at = N - 1;
         while at > 0 && self.squared[at - 1] > squared {
             (self.patches[at], self.squared[at]) = (self.patches[at - 1], self.squared[at - 1]);
             at -= 1;
         }
         (self.patches[at], self.squared[at]) = (patch, squared);
-        self.n = (self.n + 1).min(SHARING + 1);
+        self.n = (self.n + 1).min(N);
     }
 }
 
@@ -253,7 +322,9 @@ mod tests {
     #[test]
     fn the_tree_finds_what_looking_at_all_finds() {
         // Normals that count for little, about as much as places, and for more than these.
-        for (n, reach_m) in [(300, 0.0), (300, 0.3), (300, 3.0), (1000, 0.3), (8, 0.3), (9, 0.3), (5, 0.3)] {
+        for (n, reach_m) in
+            [(300, 0.0), (300, 0.3), (300, 3.0), (1000, 0.3), (8, 0.3), (9, 0.3), (5, 0.3), (32, 0.3), (33, 0.3)]
+        {
             let all = centers(n);
             let nearest = Nearest::new(all.clone(), reach_m);
             for probe in centers(n + 300).into_iter().skip(n as usize) {
@@ -266,6 +337,8 @@ mod tests {
                 let found = nearest.found(probe.position, probe.normal);
                 assert_eq!(found.patches[..], expected[..SHARING + 1], "{n} patches, {reach_m} m");
                 assert_eq!(found.squared, found.patches.map(|patch| squared(&all[patch as usize])));
+                let sought = nearest.sought::<7>(probe.position, probe.normal);
+                assert_eq!(sought.patches[..sought.n], expected[..7.min(all.len())], "{n} patches, {reach_m} m");
             }
         }
     }
