@@ -238,9 +238,9 @@ pub(super) fn shift((first, tile): (u32, usize), lamp_idx: usize, (seed, [sample
 
 /// The box around some points, middle and half of its sides.
 fn around(group: &[Point]) -> (Vec3, Vec3) {
-    let [lo, hi] = group.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[lo, hi], point| {
-        [lo.min(point.position), hi.max(point.position)]
-    });
+    let [lo, hi] = group
+        .iter()
+        .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[lo, hi], point| [lo.min(point.position), hi.max(point.position)]);
     (0.5 * (lo + hi), 0.5 * (hi - lo))
 }
 
