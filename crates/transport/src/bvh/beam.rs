@@ -256,6 +256,26 @@ pub(super) struct TriangleBeam<W, Q> {
     t_max: W,
 }
 
+/// Triangles of a block, to be looked at one by one.
+struct MetTriangles {
+    lanes: u32,
+    /// Vertex × axis × lane.
+    corners: [[[f32; BLOCK]; 3]; 3],
+}
+
+impl MetTriangles {
+    /// The lane of the next one, and its corners for all members.
+    #[inline(always)]
+    fn next<W: Lanes<WIDTH>>(&mut self) -> Option<(usize, [[W; 3]; 3])> {
+        if self.lanes == 0 {
+            return None;
+        }
+        let lane = self.lanes.trailing_zeros() as usize;
+        self.lanes &= self.lanes - 1;
+        Some((lane, three!(|vertex| three!(|i| W::splat(self.corners[vertex][i][lane])))))
+    }
+}
+
 impl<W: Lanes<WIDTH>, Q: Lanes<BLOCK>> TriangleBeam<W, Q> {
     #[inline(always)]
     pub fn new(beam: &Beam, slopes: [Interval; 2], shears: [Shear<W>; HALVES]) -> Self {
@@ -272,17 +292,9 @@ impl<W: Lanes<WIDTH>, Q: Lanes<BLOCK>> TriangleBeam<W, Q> {
     /// Those of `wanted` that hit a triangle of the block.
     #[inline(always)]
     pub fn hits(&self, block: &Block, wanted: u16) -> u16 {
-        let corners = corners_of(block, self.axes, self.origin);
-        let mut met = self.meets(corners);
         let mut hits = 0;
-        if met == 0 {
-            return hits;
-        }
-        let corners = three!(|vertex| three!(|i| corners[vertex][i].store()));
-        while met != 0 {
-            let lane = met.trailing_zeros() as usize;
-            met &= met - 1;
-            let corners = three!(|vertex| three!(|i| W::splat(corners[vertex][i][lane])));
+        let mut met = self.met(block);
+        while let Some((_, corners)) = met.next() {
             for half in 0..HALVES {
                 let of_half = ((1 << WIDTH) - 1) << (half * WIDTH);
                 if wanted & !hits & of_half != 0 {
@@ -296,20 +308,20 @@ impl<W: Lanes<WIDTH>, Q: Lanes<BLOCK>> TriangleBeam<W, Q> {
     /// Takes the hits on a block's triangles that are closer, of the members that enter its box: who they are, and where.
     #[inline(always)]
     pub fn closest(&self, block: &Block, (entered, near): ([u32; HALVES], [W; HALVES]), found: &mut Nearest<W>) {
-        let corners = corners_of(block, self.axes, self.origin);
-        let mut met = self.meets(corners);
-        if met == 0 {
-            return;
-        }
-        let corners = three!(|vertex| three!(|i| corners[vertex][i].store()));
-        while met != 0 {
-            let lane = met.trailing_zeros() as usize;
-            met &= met - 1;
-            let corners = three!(|vertex| three!(|i| W::splat(corners[vertex][i][lane])));
+        let mut met = self.met(block);
+        while let Some((lane, corners)) = met.next() {
             for half in 0..HALVES {
                 self.closest_of(half, corners, (entered[half], near[half]), block.ids[lane], found);
             }
         }
+    }
+
+    /// Triangles of a block that the beam may meet.
+    #[inline(always)]
+    fn met(&self, block: &Block) -> MetTriangles {
+        let corners = corners_of(block, self.axes, self.origin);
+        let lanes = self.meets(corners);
+        MetTriangles { lanes, corners: three!(|vertex| three!(|i| corners[vertex][i].store())) }
     }
 
     #[inline(always)]

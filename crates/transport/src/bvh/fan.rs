@@ -61,26 +61,24 @@ pub(super) struct Kinds {
 impl Fan {
     /// Segments to the targets whose bits are set in `asked`, for t between the two.
     #[inline(always)]
-    pub fn new(origin: Vec3, targets: &[Vec3; FAN], asked: u16, [t_min, t_max]: [f32; 2]) -> Fan {
-        let mut directions = [[0.0; FAN]; 3];
-        for (segment, target) in targets.iter().enumerate() {
-            directions[0][segment] = target.x - origin.x;
-            directions[1][segment] = target.y - origin.y;
-            directions[2][segment] = target.z - origin.z;
+    pub fn new(origin: Vec3, targets: &[Vec3; FAN], asked: u16, ends: [f32; 2]) -> Fan {
+        let mut along = *targets;
+        for target in &mut along {
+            *target -= origin;
         }
-        Fan { origin, directions, asked, t_min: not_negative(t_min), t_max }
+        Fan::along(origin, &along, asked, ends)
     }
 
-    /// Rays without end along the directions whose bits are set in `asked`.
+    /// Segments along the directions whose bits are set in `asked`, for t between the two.
     #[inline(always)]
-    pub fn endless(origin: Vec3, along: &[Vec3; FAN], asked: u16, t_min: f32) -> Fan {
+    pub fn along(origin: Vec3, along: &[Vec3; FAN], asked: u16, [t_min, t_max]: [f32; 2]) -> Fan {
         let mut directions = [[0.0; FAN]; 3];
-        for (ray, direction) in along.iter().enumerate() {
-            directions[0][ray] = direction.x;
-            directions[1][ray] = direction.y;
-            directions[2][ray] = direction.z;
+        for (segment, direction) in along.iter().enumerate() {
+            directions[0][segment] = direction.x;
+            directions[1][segment] = direction.y;
+            directions[2][segment] = direction.z;
         }
-        Fan { origin, directions, asked, t_min: not_negative(t_min), t_max: f32::INFINITY }
+        Fan { origin, directions, asked, t_min: not_negative(t_min), t_max }
     }
 
     /// The direction of a segment.

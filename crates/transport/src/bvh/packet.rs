@@ -52,7 +52,7 @@ impl Packet {
     /// Rays along the directions whose bits are set in `asked`, for t from `t_min` to what each has.
     #[inline(always)]
     pub fn new(origin: Vec3, directions: &[Vec3; FAN], asked: u16, t_min: f32, t_max: &[f32; FAN]) -> Packet {
-        Packet { rays: Fan::endless(origin, directions, asked, t_min), t_max: *t_max }
+        Packet { rays: Fan::along(origin, directions, asked, [t_min, f32::INFINITY]), t_max: *t_max }
     }
 
     /// The closest hit of each ray.
