@@ -166,17 +166,11 @@ impl Nearest {
         while let Some(split) = self.splits.get(place) {
             place = 2 * place + if at[usize::from(split.axis)] < split.at { 1 } else { 2 };
         }
-        let nearest_of = |leaf: &Leaf| {
-            let squared = self.squared_distances(position, normal, leaf);
-            let first = (1..LEAF).fold(0, |first, i| if squared[i] < squared[first] { i } else { first });
-            (leaf.patches[first] as usize, squared[first].sqrt())
-        };
-        let (mut near, mut apart_m) = nearest_of(&self.leaves[place - self.splits.len()]);
-        // The leaf may lie aside of the nearest one, which is mostly beside what it tells.
-        if let Some(around) = self.around.get(near) {
-            (near, apart_m) = nearest_of(&around.leaves[0]);
-        }
-        if let Some(around) = self.around.get(near) {
+        let leaf = &self.leaves[place - self.splits.len()];
+        let squared = self.squared_distances(position, normal, leaf);
+        let first = (1..LEAF).fold(0, |first, i| if squared[i] < squared[first] { i } else { first });
+        if let Some(around) = self.around.get(leaf.patches[first] as usize) {
+            let apart_m = squared[first].sqrt();
             let mut found = Found::new();
             for (leaf, from_m) in around.leaves.iter().zip(around.from_m) {
                 // What is farther from that patch than both together is farther than the farthest one found.
