@@ -34,6 +34,11 @@ use super::desk::Desk;
 use super::rendered::{relit, rendered};
 use super::scenes;
 
+/// Names of the sections, and what headings of the second one end with, so that none stands twice on the page.
+const OWN: &str = "lamps";
+pub const OTHERS: &str = "lamps-others";
+const OF_OTHERS: &str = ", in scenes of others";
+
 /// Strength of the lamp, lm.
 const LUMEN: f32 = 1500.0;
 /// Widths of the pictures: those that are held against references, and those whose bake is timed.
@@ -64,36 +69,59 @@ pub(super) struct Case {
     pub sky: Option<PathBuf>,
 }
 
-/// Tables of scenes.
+/// Tables of the scene of our own.
 pub fn write(desk: &Desk) -> Result<String> {
+    measured(desk, (OWN, ""), own(desk))
+}
+
+/// Tables of the scenes of others that are at hand: with its own beside them the section would take more than half an hour.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_others(desk: &Desk) -> Result<String> {
+    measured(desk, (OTHERS, OF_OTHERS), others(desk))
+}
+
+/// Whether there are any: without them the page keeps what was measured elsewhere.
+pub fn has_others(desk: &Desk) -> bool {
+    !others(desk).is_empty()
+}
+
+/// Tables of some scenes; `of` is what their headings end with.
+fn measured(desk: &Desk, (section, of): (&str, &str), cases: Vec<Case>) -> Result<String> {
+    ensure!(!cases.is_empty(), "its scenes lie in the folder that CLERESTORY_SHARED names, and are not there");
     let (mut tables, mut goals) = (Told::default(), Vec::new());
-    for case in cases(desk) {
+    for case in cases {
         desk.say(&format!("lamps in {}", case.name));
         let why = || format!("cannot move lamps in {}", case.name);
-        let told: Told = desk.part("lamps", case.name, || measure(desk, &case).with_context(why))?;
+        let told: Told = desk.part(section, case.name, || measure(desk, &case).with_context(why))?;
         let wide = || timed(desk, &case).with_context(why);
-        let spent: Spent = desk.part("lamps", &format!("{}, timed", case.name), wide)?;
+        let spent: Spent = desk.part(section, &format!("{}, timed", case.name), wide)?;
         goals.push((case.name, told.goals.clone(), spent));
         tables.add(&told);
     }
-    Ok(tables.page(&goals, desk))
+    Ok(tables.page(&goals, of, desk))
 }
 
 pub(super) fn cases(desk: &Desk) -> Vec<Case> {
-    let own = Some(desk.root.join("assets/scenes/gallery.glb"));
+    own(desk).into_iter().chain(others(desk)).take(desk.choose(1, usize::MAX)).collect()
+}
+
+fn own(desk: &Desk) -> Vec<Case> {
+    vec![Case { name: "gallery", path: desk.root.join("assets/scenes/gallery.glb"), sky: None }]
+}
+
+fn others(desk: &Desk) -> Vec<Case> {
     let shared = |name: &str| desk.shared(&format!("scenes/{name}.glb"));
     let all = [
-        ("gallery", own, None),
         ("conference", shared("conference"), None),
         ("staircase2", shared("bitterli-staircase2"), None),
         ("living-room", shared("bitterli-living-room"), desk.shared("env/bitterli-living-room-sky19.exr")),
     ];
-    let n_cases = desk.choose(1, all.len());
-    let found = all.into_iter().take(n_cases);
     let case = |(name, path, sky): (&'static str, Option<PathBuf>, Option<PathBuf>)| {
         Some(Case { name, path: path.filter(|path| path.exists())?, sky })
     };
-    found.filter_map(case).collect()
+    all.into_iter().filter_map(case).take(desk.choose(1, usize::MAX)).collect()
 }
 
 pub(super) fn prepared(path: &Path, sky: Option<&Path>) -> Result<(PreparedScene, Camera)> {

@@ -2,7 +2,7 @@
 //! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [--into DIR] [SECTION]…`
 //!
-//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others` and `time-living-room` where their scenes are), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
+//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room` and `lamps-others` where their scenes are), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
 //! it is finished by the same program. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
@@ -69,7 +69,7 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 26] = [
+const SECTIONS: [Section; 27] = [
     Section { name: "time", write: time::write },
     Section { name: time::MIRRORS, write: time::write_mirrors },
     Section { name: time::MIXED, write: time::write_mixed },
@@ -94,6 +94,7 @@ const SECTIONS: [Section; 26] = [
     Section { name: "files", write: files::write },
     Section { name: "rays", write: rays::write },
     Section { name: "lamps", write: lamps::write },
+    Section { name: lamps::OTHERS, write: lamps::write_others },
     Section { name: lamps::more::NAME, write: lamps::more::write },
     Section { name: "steps", write: steps::write },
 ];
@@ -198,6 +199,7 @@ fn can_be_measured(desk: &Desk, section: &Section) -> bool {
         hardware::NAME => hardware::is_here(),
         time::OTHERS => time::has_others(desk),
         time::LIVING_ROOM => time::has_living_room(desk),
+        lamps::OTHERS => lamps::has_others(desk),
         _ => true,
     }
 }

@@ -130,14 +130,15 @@ impl Told {
         }
     }
 
-    /// The section: what is told of all scenes, and the goals of each with the seconds of its larger bake.
-    pub fn page(&self, goals: &[(&str, Goals, Spent)], desk: &Desk) -> String {
+    /// The section: what is told of all scenes, and the goals of each with the seconds of its larger bake; headings end with `of`.
+    pub fn page(&self, goals: &[(&str, Goals, Spent)], of: &str, desk: &Desk) -> String {
         let goals: String = goals.iter().map(|(name, goals, spent)| goals.row(name, *spent)).collect();
         let (width, wide) = (WIDTHS[0], desk.choose(WIDTHS[0], WIDTHS[1]));
         let [spp, wide_spp] = desk.choose([64, 16], BAKE_SPP);
+        let under = if of.is_empty() { "" } else { ", living-room's under its own sky" };
         format!(
-            "## Lamps that were added\n\n\
-            A point lamp of {LUMEN} lm at places that no bake knew, in pictures {width} pixels wide. They show the baked light of the file, living-room's under its own sky \
+            "## Lamps that were added{of}\n\n\
+            A point lamp of {LUMEN} lm at places that no bake knew, in pictures {width} pixels wide. They show the baked light of the file{under} \
             ({spp} samples per pixel, or as many as the table tells, seed 0; traced and live pictures have seeds 1 to 4), plus the lamp's live light (direct light at what is seen and at what narrow lobes show there), plus what the patches make of its \
             irradiance. Two independent ones are held against two independent traced pictures of {} samples per pixel; the live light has as many. \
             L2 is the root of the summed products of both differences, over that of the indirect light: noise of live and of traced light is no error, \
@@ -148,12 +149,12 @@ impl Told {
             under lamps that they were not learned from. CPU seconds of all threads: of all that is no patch (patches change nothing of it), of learning patches, of the walks of their columns. {}\n\n\
             | scene | patches | samples | columns | held out | places | drowned | L2 | without worst | noise | energy, least to most | PSNR | of the noise | file without \
             | of patches | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n{}\n\
-            ### Place by place, {DEFAULT_PATCHES} patches\n\n\
+            ### Place by place, {DEFAULT_PATCHES} patches{of}\n\n\
             *In the worst* is the share of the squared error that stands in these {:.1} % of the pixels; a share of more than all says that the others \
             have less than no error beside noise. *Alone* is the PSNR of the lamp's light without that of the file, direct and indirect. \
             Places keep the numbers that they were drawn by.\n\n\
             | scene | place | height above the nearest surface | noise | L2 | energy | in the worst | PSNR | alone |\n|---|---|---|---|---|---|---|---|---|\n{}\n\
-            ### Goals, {DEFAULT_PATCHES} patches\n\n\
+            ### Goals, {DEFAULT_PATCHES} patches{of}\n\n\
             *Kept* where all keep it, else how many do; and the median. *Exchanged* are point, spot and directional lamps of the file whose place free ones of the same light take (*Make movable*), one at a time: \
             the picture of the file against the same with its baked column, whose noise counts. *Bake of patches* is learning and walks over all else in CPU seconds, of a bake {wide} pixels wide \
             with {wide_spp} samples per pixel. Why L2 is missed, and what was tried: [decision 0050](decisions/0050-light-of-moved-lamps-lacks-a-little-of-everything.md) and [decision 0047](decisions/0047-the-first-bounce-stays-with-patches.md); \
