@@ -62,7 +62,7 @@ impl PreparedLamp {
         if let Form::Distant { direction, .. } = self.lamp.form {
             return parallel_rays(scene, direction).into_iter().map(|ray| (ray, 1.0)).collect();
         }
-        let beams = self.beams().into_iter();
+        let beams = self.beams(scene.extent()).into_iter();
         beams.map(|beam| (ray(beam.origin, beam.direction), beam.flux.max_element())).collect()
     }
 }

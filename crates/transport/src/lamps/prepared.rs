@@ -157,8 +157,13 @@ impl PreparedLamps {
     }
 }
 
-/// How far a place lifts itself off its surface, which it does not know, relative to its coordinates within the scene and in meters.
-pub(super) const LEAVING: f32 = 1e-5;
+/// How far rays begin from a place on a surface that is not known, relative to its coordinates within the scene and in meters.
+const LEAVING: f32 = 1e-5;
+
+/// How far along a direction rays that leave a place begin, so that they do not meet a surface on which it may lie, m.
+pub(super) fn leaving(position: Vec3, along: Vec3, extent: f32) -> f32 {
+    LEAVING * (1.0 + position.abs().max_element().min(extent)) + rounding(position, along, extent)
+}
 
 /// A place that asks for light.
 struct Place {
@@ -173,8 +178,8 @@ struct Place {
 impl Place {
     fn new(scene: &PreparedScene, position: Vec3, normal: Vec3) -> Place {
         let extent = scene.extent();
-        let clear = LEAVING * (1.0 + position.abs().max_element().min(extent)) + rounding(position, normal, extent);
-        let origin = offset_origin(position + normal * clear, normal, extent);
+        let clear = position + normal * leaving(position, normal, extent);
+        let origin = offset_origin(clear, normal, extent);
         Place { position, normal, origin, far: scene.far() }
     }
 }

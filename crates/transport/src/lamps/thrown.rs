@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 
 use super::body::{Body, in_cone};
 use super::light::{Form, Lamp, POINT_RADIUS_M};
-use super::prepared::{LEAVING, PreparedLamp, PreparedLamps, lattice};
+use super::prepared::{PreparedLamp, PreparedLamps, lattice, leaving};
 use crate::emitters::punctual_falloff;
 use crate::patches::{Beam, PatchSample, Patches};
 use crate::photometry::PhotometricProfile;
@@ -36,7 +36,7 @@ impl PreparedLamps {
         let mut irradiance = patches.irradiance(&|at| self.far_light_on(scene, at));
         for lamp in self.lamps() {
             if layout.is_close(|place| lamp.lamp.apart_m(place)) {
-                let beams = lamp.beams();
+                let beams = lamp.beams(scene.extent());
                 layout.receive(scene, &beams, |place| lamp.lamp.apart_m(place), &mut irradiance);
             }
         }
@@ -52,11 +52,11 @@ impl PreparedLamps {
 }
 
 impl PreparedLamp {
-    /// Its light as rays; none of light from far away.
-    pub(super) fn beams(&self) -> Vec<Beam> {
+    /// Its light as rays into a scene of some extent, see [`PreparedScene::extent`]; none of light from far away.
+    pub(super) fn beams(&self, extent: f32) -> Vec<Beam> {
         let beam = |(position, direction, flux): (Vec3, Vec3, f32), least_m: f32| {
-            let clear = LEAVING * (1.0 + position.abs().max_element());
-            Beam { origin: position + direction * clear, direction, flux: self.emission * flux, least_m }
+            let origin = position + direction * leaving(position, direction, extent);
+            Beam { origin, direction, flux: self.emission * flux, least_m }
         };
         match &self.lamp.form {
             Form::Point { light, profile, .. } => {
@@ -185,12 +185,27 @@ mod tests {
             let lamp = FreeLamp { unit: LampUnit::Lumen, strength: 100.0, ..lamp(shape) };
             let lamps = PreparedLamps::new(&[lamp], Some(folder.path())).expect("a lamp that makes sense").0;
             let prepared = &lamps.lamps()[0];
-            let beams = prepared.beams();
+            let beams = prepared.beams(1.0);
             let flux: f32 = beams.iter().map(|beam| beam.flux.x).sum();
             assert!((flux - 100.0).abs() < 1.0, "{prepared:?} throws {flux} lm");
             assert!(beams.len() <= BEAMS as usize && beams.iter().all(|beam| beam.direction.is_normalized()));
             if let Form::Point { spread: found, .. } = prepared.lamp.form {
                 assert!(spread.contains(&found), "{prepared:?} spreads to {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn far_from_the_origin_beams_begin_as_near_their_lamp_as_rounding_allows() {
+        for shape in [LampShape::Point, LampShape::Spot { inner_rad: 0.3, outer_rad: 0.6 }] {
+            for meters in [0.0, 1e2, 1e3, 1e4] {
+                let position = Vec3::new(meters, -meters, meters);
+                let lamp = FreeLamp { position, aim: position - Vec3::Y, ..lamp(shape.clone()) };
+                let lamps = PreparedLamps::new(&[lamp], None).expect("a lamp that makes sense").0;
+                let beams = lamps.lamps()[0].beams(4.0);
+                let away = beams.iter().map(|beam| beam.origin.distance(position)).fold(0.0, f32::max);
+                let steps = 16.0 * f32::EPSILON * meters;
+                assert!(away > 0.0 && away <= 1e-4 + steps, "{shape:?}: {away} m, {meters} m from the origin");
             }
         }
     }

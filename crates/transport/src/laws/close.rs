@@ -123,6 +123,25 @@ fn surfaces_receive_what_a_lamp_close_to_them_sends() {
 }
 
 #[test]
+fn far_from_the_origin_surfaces_receive_as_much_of_a_lamp_close_to_them() {
+    let height = 0.05;
+    // Ten kilometers away samples lie 5 mm above their surface, a tenth of the lamp's height: so much less reaches those beside it.
+    let [near, far] = [Vec3::ZERO, Vec3::new(1e4, -1e4, 1e4)].map(|middle| {
+        let scene = furnace(0.6).moved(middle).prepared();
+        let patches = learned(&scene, 512);
+        shapes().map(|shape| {
+            let places = feet(8).map(|foot| middle + foot + Vec3::Y * raised(&shape, height));
+            let share = |place| received(&patches, &thrown(&scene, &patches, &prepared(&shape, place)));
+            places.map(share).sum::<f32>() / 8.0
+        })
+    });
+    println!("{near:.3?} of the light, {far:.3?} far away");
+    for ((near, far), shape) in near.into_iter().zip(far).zip(shapes()) {
+        assert!((far / near - 1.0).abs() < 0.1, "{shape:?}: {far:.3} of the light far away, {near:.3} near the origin");
+    }
+}
+
+#[test]
 fn beams_pass_a_sheet_of_solid_glass() {
     let sheet = room(Vec3::new(1.2, 0.02, 1.0)).into_iter().rev().map(|corner| corner + Vec3::Y * (FLOOR + 0.1));
     let glass = Material { thickness: 1.0, ..pane() };

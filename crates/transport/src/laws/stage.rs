@@ -91,6 +91,14 @@ impl Stage {
         self
     }
 
+    /// All of it so far from where it was built.
+    pub fn moved(mut self, by: Vec3) -> Stage {
+        self.scene.mesh.positions.iter_mut().for_each(|position| *position += by);
+        self.scene.punctual.iter_mut().for_each(|light| light.position += by);
+        self.scene.cameras.iter_mut().for_each(|camera| camera.world_from_camera.w_axis += by.extend(0.0));
+        self
+    }
+
     /// The scene as it is.
     pub fn into_scene(self) -> Scene {
         self.scene
