@@ -5,14 +5,19 @@
 mod desk;
 
 use std::cell::Cell;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clerestory::app::App;
 use clerestory::look::Look;
 use clerestory::session::{BakeState, Source};
 use clerestory_transport::archive;
-use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::bake::{BakeConfig, BakeJob, Passes};
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -1057,6 +1062,36 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     std::fs::write(folder.path().join("room.gltf"), include_bytes!("room.gltf")).unwrap();
     let mut window = open(Source::File(path));
     wait_until(&mut window, |window| says(window, "its geometry, materials or camera differ"));
+}
+
+#[test]
+fn a_directional_lamp_that_was_baked_with_a_size_is_made_movable_with_it() {
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    let lights = gltf["extensions"]["KHR_lights_punctual"]["lights"].as_array_mut().unwrap();
+    lights.push(json!({ "type": "directional", "intensity": 3 }));
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    nodes.push(json!({ "name": "sun", "extensions": { "KHR_lights_punctual": { "light": 1 } } }));
+    let node = nodes.len() - 1;
+    gltf["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(node));
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("room.gltf"), gltf.to_string()).unwrap();
+
+    // As `--sun-size` does.
+    let mut scene = import::load(&folder.path().join("room.gltf")).unwrap().scene;
+    assert_eq!(scene.set_sun_radius(0.05), 1);
+    let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+    let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
+    let job = BakeJob { scene, camera, film, config: quick(), passes: Passes::FinalOnly, irradiance: Vec::new() };
+    let path = folder.path().join("room.transport");
+    archive::write(&job.run(|_| ControlFlow::Continue(())).unwrap().unwrap(), &path).unwrap();
+
+    let mut window = open(Source::File(path));
+    wait(&mut window, |app| app.session().lamp_scene().is_some() && app.n_pictures() > 0 && app.is_settled());
+    make_movable(&mut window, "sun");
+    let lamps = lamps(&window);
+    let [sun] = &lamps[..] else { panic!("{lamps:?}") };
+    assert_eq!((&sun.shape, sun.strength), (&LampShape::Directional { radius_rad: 0.05 }, 3.0));
+    assert_eq!(sun.replaces.as_deref(), Some("sun"));
 }
 
 fn says(window: &Window, words: &str) -> bool {

@@ -37,10 +37,13 @@ pub struct LightOrigin {
     /// Electrical power in watt that this file states, at full light.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub watts: Option<f32>,
+    /// Angle from the middle to the rim of a directional lamp that was given a size, radians.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radius_rad: Option<f32>,
 }
 
 impl LightOrigin {
-    /// Of a lamp without size.
+    /// Of a lamp, which has no size but that of a disk far away.
     pub(crate) fn of_lamp(scene: &Scene, light: &PunctualLight) -> LightOrigin {
         let node = scene.nodes.get(light.node as usize);
         let is_near = light.kind != PunctualKind::Directional;
@@ -53,6 +56,7 @@ impl LightOrigin {
             lumens: is_near.then(|| lumen_per_candela(light.kind, profile) as f32),
             profile: profile.map(|profile| file_name(profile.name())),
             watts: profile.and_then(PhotometricProfile::watts),
+            radius_rad: (!is_near && light.radius_rad > 0.0).then_some(light.radius_rad),
         }
     }
 
@@ -71,6 +75,7 @@ impl LightOrigin {
             lumens: flux(scene, triangles),
             profile: None,
             watts: None,
+            radius_rad: None,
         }
     }
 }

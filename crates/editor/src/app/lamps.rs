@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use clerestory_transport::basis::{LightSource, SourceKind};
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::emitters::Emitter;
 use clerestory_transport::import::read_profile;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use clerestory_transport::light::LightSetting;
@@ -392,16 +391,12 @@ impl App {
             self.complain(format!("{name} cannot be {done}: in its file it shines otherwise than in this bake"));
             return None;
         }
-        let lights = scene.lighting.basis.sources.iter().zip(&scene.lighting.emitters);
-        let found = lights.filter_map(|(source, emitter)| match emitter {
-            Emitter::Punctual(light) if source.key == key => Some((source, light)),
-            _ => None,
-        });
+        let found = scene.lighting.basis.source(key).zip(scene.scene.lamp_called(key));
         let own = self.look.lights.lights.get(key).copied().unwrap_or_default();
         // Where another lamp shines in its place, it is off for that alone.
         let setting = LightSetting { muted: own.muted && !self.look.lights.is_replaced(key), ..own };
         let free = self.free_name(&format!("{name} movable"));
-        let lamp = found.map(|(source, light)| FreeLamp::from_source(&free, source, light, setting)).next().flatten();
+        let lamp = found.and_then(|(source, light)| FreeLamp::from_source(&free, source, light, setting));
         if lamp.is_none() {
             self.complain(format!("{name} cannot be {done}: its distribution lies in the file of the scene"));
         }

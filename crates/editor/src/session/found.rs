@@ -152,7 +152,8 @@ fn scene_of(header: &BakeHeader, path: PathBuf, stop: &Stop) -> Result<FoundScen
 }
 
 /// Makes a scene what it was when it was baked: with energy compensation or without, its lamps counted in candela or unitless.
-/// The camera of the bake, and how far the scene is that of the bake; `None` of another scene.
+/// The camera of the bake, and how far the scene is that of the bake; `None` of another scene. One that has its surfaces alone gets its
+/// directional lamps as large as the bake has them.
 pub(crate) fn as_baked(header: &BakeHeader, scene: &mut Scene) -> Option<(Camera, Alike)> {
     let lamps = scene.punctual.clone();
     if let Some(camera) = seen_from(scene, |scene| header.camera_in(scene).cloned()) {
@@ -163,6 +164,9 @@ pub(crate) fn as_baked(header: &BakeHeader, scene: &mut Scene) -> Option<(Camera
         return Some((camera, Alike::Whole(LampUnits::Unitless)));
     }
     scene.punctual = lamps;
+    if let Some(radius_rad) = header.basis.sources.iter().find_map(|source| source.origin.radius_rad) {
+        scene.set_sun_radius(radius_rad);
+    }
     let camera = seen_from(scene, |scene| header.camera_on_surfaces_of(scene).cloned())?;
     Some((camera, Alike::Surfaces))
 }

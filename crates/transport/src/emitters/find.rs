@@ -64,6 +64,16 @@ pub(crate) fn lamp_keys(scene: &Scene) -> Vec<String> {
     lamps.map(|light| light.key).collect()
 }
 
+impl Scene {
+    /// Its lamp of that key, which is that of its light in looks; `None` of what shines by a surface, and of a sky and its sun.
+    pub fn lamp_called(&self, key: &str) -> Option<&PunctualLight> {
+        candidates(self).into_iter().find_map(|light| match light.kind {
+            CandidateKind::Lamp(lamp) if light.key == key => Some(lamp),
+            _ => None,
+        })
+    }
+}
+
 /// Keys of the lights that are off in the file.
 pub(super) fn muted_keys(scene: &Scene) -> BTreeSet<String> {
     if scene.muted_lamps.is_empty() && scene.muted_surfaces.is_empty() {

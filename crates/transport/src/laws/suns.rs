@@ -7,6 +7,8 @@ use glam::Vec3;
 use super::stage::{Stage, lambert, quad};
 use super::walks::{Even, Walks, assert_same_mean, file_light};
 use crate::camera::{Camera, Film};
+use crate::lamps::{FreeLamp, PreparedLamps, lattice};
+use crate::light::LightSetting;
 use crate::plan::{Density, MatrixPlan, PicturePlan};
 use crate::prepared::PreparedScene;
 use crate::scene::Material;
@@ -36,21 +38,45 @@ fn beyond_chord(q: f64) -> f64 {
     0.5 - (q.asin() + q * (1.0 - q * q).sqrt()) / PI
 }
 
+/// Share of the sun's light that comes past the roof to a place on the floor.
+fn share_past_the_roof(x: f32, radius: f32) -> f64 {
+    // The roof ends at the slope −x / HEIGHT as seen from there: directions beyond it reach the floor.
+    let slope = f64::from(-x / HEIGHT);
+    beyond_chord(slope / (1.0 + slope * slope).sqrt() / f64::from(radius).sin())
+}
+
 #[test]
 fn the_penumbra_of_a_sun_is_that_of_a_disk() {
     let radius = 0.05f32;
     for x in [-0.2, -0.07, -0.03, 0.0, 0.05, 0.08, 0.2] {
         let scene = under_a_roof(x, radius);
-        // The roof ends at the slope −x / HEIGHT as seen from there: directions beyond it reach the floor.
-        let slope = f64::from(-x / HEIGHT);
-        let lit = beyond_chord(slope / (1.0 + slope * slope).sqrt() / f64::from(radius).sin());
-        let expected = f64::from(ALBEDO * LUX) / PI * lit;
+        let expected = f64::from(ALBEDO * LUX) / PI * share_past_the_roof(x, radius);
         let weights = file_light(&scene);
         let plan = MatrixPlan::new(&scene.lighting, Density::Full);
         let values = Walks::of_one_pixel(40_000, Some(0)).streams(&scene, &plan, &weights);
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         let full = f64::from(ALBEDO * LUX) / PI;
         assert!((mean - expected).abs() < 0.006 * full, "x {x}: {mean} for {expected} of {full}");
+    }
+}
+
+#[test]
+fn a_sun_with_a_size_that_became_movable_has_its_penumbra_and_its_lux() {
+    let (radius, n) = (0.05f32, 4096);
+    for x in [-0.2, -0.07, -0.03, 0.0, 0.05, 0.08, 0.2] {
+        let scene = under_a_roof(x, radius);
+        let source = scene.lighting.basis.source("sun").expect("the sun");
+        let light = scene.scene.lamp_called("sun").expect("the sun is a lamp of the file");
+        let free = FreeLamp::from_source("movable", source, light, LightSetting::default()).expect("no distribution");
+        let lamps = PreparedLamps::new(&[free], None).expect("a lamp that makes sense").0;
+        let (sun, place) = (&lamps.lamps()[0], Vec3::new(x, 1e-3, 0.0));
+        let lux = |nth: u32| {
+            let lit = sun.lamp.lit(place, lattice(nth), scene.far()).expect("it shines everywhere");
+            scene.transmittance(place, lit.target).x * sun.emission.x * lit.factor * lit.wi.y
+        };
+        let share = (0..n).map(lux).sum::<f32>() / (n as f32 * LUX);
+        let expected = share_past_the_roof(x, radius);
+        assert!((f64::from(share) - expected).abs() < 0.01, "x {x}: {share} of the light for {expected}");
     }
 }
 

@@ -2,7 +2,6 @@
 
 use anyhow::{Context, Result};
 use clerestory_transport::bake::Bake;
-use clerestory_transport::emitters::Emitter;
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
 use clerestory_transport::prepared::PreparedScene;
@@ -23,8 +22,8 @@ pub struct Twin {
 /// A lamp that cannot shine.
 pub fn find(scene: &PreparedScene) -> Result<Vec<Twin>> {
     let mut twins = Vec::new();
-    for (source, emitter) in scene.lighting.basis.sources.iter().zip(&scene.lighting.emitters) {
-        let Emitter::Punctual(light) = emitter else { continue };
+    for source in &scene.lighting.basis.sources {
+        let Some(light) = scene.scene.lamp_called(&source.key) else { continue };
         let Some(free) = FreeLamp::from_source("movable", source, light, LightSetting::default()) else { continue };
         let free = PreparedLamps::new(&[free], None)?.0;
         if !free.is_empty() {
