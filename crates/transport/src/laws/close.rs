@@ -5,10 +5,11 @@ use std::sync::Arc;
 use clerestory_nystrom::BlockLowRank;
 use glam::Vec3;
 
-use super::patches::{FILM, baked, furnace, furnished, peak};
+use super::patches::{FILM, baked, furnace, furnished, middles, peak};
 use super::stage::{Stage, lambert, pane, room};
 use crate::bake::Bake;
 use crate::bake::focus::Focus;
+use crate::lamps::tests::ONE_SIDED;
 use crate::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use crate::light::LightSetting;
 use crate::patches::{NARROW_ALPHA, PatchSample, Patches, Request, learn};
@@ -276,6 +277,48 @@ fn a_lamp_that_is_pushed_through_a_wall_is_dark_within_and_no_flash_before_and_b
         println!("{shape:?}: {most:.3} at most, {within:.4} within, jumps of {jump:.3}");
         assert!(most < 1.06 && within < 0.01, "{shape:?}: {most:.3} at most, {within:.4} within");
         assert!(jump < 0.6, "{shape:?}: jumps of {jump:.3}");
+    }
+}
+
+/// Lamps of no size and of no angle, and one that a file measures.
+fn shapes_without_size(profile: String) -> [LampShape; 5] {
+    [
+        LampShape::Rectangle { size_m: [0.0; 2] },
+        LampShape::Disk { radius_m: 0.0 },
+        LampShape::Sphere { radius_m: 0.0 },
+        LampShape::Spot { inner_rad: 0.0, outer_rad: 0.0 },
+        LampShape::Profile { file: profile },
+    ]
+}
+
+#[test]
+fn lamps_without_size_where_none_should_be_throw_no_more_than_their_light() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let profile = folder.path().join("one-sided.ies");
+    std::fs::write(&profile, ONE_SIDED).expect("the folder can be written");
+    let scene = walled().prepared();
+    let patches = learned(&scene, 512);
+    let asked = patches.samples().iter().step_by(83).map(|sample| (sample.position, sample.normal));
+    let places: Vec<(Vec3, Vec3)> = asked.chain(middles(patches.samples()).into_iter().step_by(31)).collect();
+    for shape in shapes_without_size(profile.display().to_string()) {
+        let share = |place: Vec3| {
+            let light = thrown(&scene, &patches, &prepared(&shape, place));
+            assert!(light.iter().all(|light| light.is_finite()), "{shape:?} at {place}");
+            received(&patches, &light)
+        };
+        let most = |heights: [f32; 2]| {
+            let above = places.iter().flat_map(|(place, normal)| heights.map(|above| *place + *normal * above));
+            above.map(share).fold(0.0, f32::max)
+        };
+        let (beside, within) = (most([1e-3, 0.02]), most([0.0, 1e-6]));
+        let dark = [Vec3::new(0.02, 0.03, 0.11), Vec3::new(2.5, 0.0, 0.0), Vec3::splat(9e5)];
+        let [in_a_wall, outside, far_away] = dark.map(share);
+        println!("{shape:?}: {beside:.3} of the light, in a surface {within:.3}");
+        println!("in a wall {in_a_wall:.4}, outside {outside:.4}, far away {far_away:.4}");
+        // Rays bring the light of a lamp once, twice where it lies in a surface. Patches farther away may find a quarter more by their samples.
+        assert!(beside < 1.25 && within < 2.25, "{shape:?}: {beside:.3} of the light; in a surface {within:.3}");
+        assert!(in_a_wall < 0.01, "{shape:?}: {in_a_wall:.4} of the light out of a wall");
+        assert!(outside < 1e-3 && far_away < 1e-3, "{shape:?}: {outside:.4} from outside, {far_away:.4} from far away");
     }
 }
 

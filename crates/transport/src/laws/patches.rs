@@ -409,7 +409,7 @@ fn while_parallel_light_turns_evenly_the_picture_does() {
 }
 
 /// Middles of patches, and the way that the first sample of each looks.
-fn middles(mut samples: &[PatchSample]) -> Vec<(Vec3, Vec3)> {
+pub(super) fn middles(mut samples: &[PatchSample]) -> Vec<(Vec3, Vec3)> {
     let mut middles = Vec::new();
     while let Some(first) = samples.first() {
         // Those of a patch share it evenly.
