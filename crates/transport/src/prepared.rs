@@ -47,6 +47,8 @@ pub struct PreparedScene {
     pub(crate) coats_share: bool,
     /// Whether pixels of one color of a chessboard may judge those of the other one.
     pub(crate) colors_judge: bool,
+    /// Whether nodes of shared light are dimmed that outshine those around them.
+    pub(crate) nodes_are_calmed: bool,
     /// Diagonal of all surfaces, m; infinite where there are none.
     extent: f32,
 }
@@ -172,6 +174,7 @@ impl PreparedScene {
             casters: None,
             coats_share: true,
             colors_judge: true,
+            nodes_are_calmed: true,
             extent,
         };
         prepared.casters = Casters::find(&prepared, stop)?.map(Arc::new);
@@ -392,6 +395,12 @@ impl PreparedScene {
     /// same mean.
     pub fn without_colors(self) -> PreparedScene {
         PreparedScene { colors_judge: false, ..self }
+    }
+
+    /// The same scene no node of whose shared light is dimmed for outshining those around it: spots of rare bright walks, and nothing
+    /// cut off.
+    pub fn without_clamp(self) -> PreparedScene {
+        PreparedScene { nodes_are_calmed: false, ..self }
     }
 
     /// Material of a triangle.
