@@ -629,6 +629,7 @@ impl BakeJob {
     fn plan(&self, density: Density, header: &BakeHeader) -> MatrixPlan {
         let plan = MatrixPlan::without(&self.scene.lighting, density, &header.spared.dark_sources);
         let plan = plan.fitted(&header.column_scale, &header.sky_reach, self.scene.skips);
+        let plan = if self.scene.connects_to_all { plan } else { plan.with_lone_picks() };
         match self.config.indirect {
             Indirect::Shared => plan.for_short_walks(),
             Indirect::Traced => plan,

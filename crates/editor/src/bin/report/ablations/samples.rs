@@ -34,7 +34,7 @@ struct Taken {
     lights: Vec<f64>,
 }
 
-fn ways() -> [Way; 8] {
+fn ways() -> [Way; 10] {
     let all = Skips::default();
     let same: fn(PreparedScene) -> PreparedScene = |scene| scene;
     let as_it_is: fn(BakeConfig) -> BakeConfig = |config| config;
@@ -46,6 +46,8 @@ fn ways() -> [Way; 8] {
         ("no walks sent toward mirrors and glass", as_it_is, all, PreparedScene::without_guides),
         ("no walks shared from and to coated surfaces", as_it_is, all, PreparedScene::with_lone_coats),
         ("weak later connections all made", as_it_is, all.without(Skip::WeakLight), same),
+        ("samples of a pixel independent of each other", as_it_is, all, PreparedScene::with_lone_samples),
+        ("one light a vertex, not all at the first", as_it_is, all, PreparedScene::with_lone_connections),
         ("lobes that a material has not are asked too", as_it_is, all.without(Skip::Lobes), same),
         ("indirect light shared between pixels, with its clamp", shared, all, same),
         ("the same without its clamp", shared, all, PreparedScene::without_clamp),
@@ -73,7 +75,9 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
          Bakes of {} × {} pixels whose blocks take all of {spp} samples per pixel: CPU seconds and the error of single lights (median)\n\
          in dB as in the section Error against time; by what sharing light is off as the bake tells it (`error_db.bias`), and the light of all columns\n\
          together over that of the reference, which is less than 1 where light is cut off; all median (least…greatest) of {turns} seeds in turn. Shared light has a clamp of\n\
-         fireflies, four times the median of the nodes around: `--fast` alone has it, and beside it stands what it takes.\n\n\
+         fireflies, four times the median of the nodes around: `--fast` alone has it, and beside it stands what it takes. Samples that are independent of each\n\
+         other take the place of an Owen-scrambled sequence (walks that go on from one first vertex are stratified together in both). With one light a vertex the\n\
+         first vertex asks for one of all lights and later ones for one of each group; second vertices that pixels share ask for all in both.\n\n\
          | scene | what | CPU s | dB | bias of sharing, dB | light |\n|---|---|---|---|---|---|\n{rows}",
         film.width, film.height,
     ))
