@@ -72,14 +72,18 @@ pub fn gpus() -> Vec<Gpu> {
     if gpu().is_some() { Gpu::all_headless(DeviceChoice::Any) } else { Vec::new() }
 }
 
-/// A file of the shared data. Without that data a test skips itself and says so.
+/// A file of the folder that `CLERESTORY_SHARED` names, which has to be there. Without such a folder a test skips itself and says so, unless
+/// `CLERESTORY_REQUIRE_SHARED` forbids that.
 pub fn shared(path: &str) -> Option<std::path::PathBuf> {
-    let found = std::env::var_os("CLERESTORY_SHARED").map(|folder| std::path::Path::new(&folder).join(path));
-    let found = found.filter(|path| path.exists());
-    if found.is_none() {
+    let Some(folder) = std::env::var_os("CLERESTORY_SHARED").filter(|folder| !folder.is_empty()) else {
+        let is_required = std::env::var_os("CLERESTORY_REQUIRE_SHARED").is_some();
+        assert!(!is_required, "CLERESTORY_REQUIRE_SHARED is set, but CLERESTORY_SHARED names no folder");
         println!("skipped: no shared data");
-    }
-    found
+        return None;
+    };
+    let file = std::path::Path::new(&folder).join(path);
+    assert!(file.exists(), "the shared data has no {}", file.display());
+    Some(file)
 }
 
 /// A small room with a box on the floor, two lamps of different color, and a panel of 4 × 4 texels at the ceiling.

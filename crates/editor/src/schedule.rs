@@ -287,17 +287,23 @@ mod tests {
 
     /// Lamps of the two luminaires of a maker, whose files state 1221 lm and 14 W, and 321 lm and 9 W.
     fn of_maker(look: &mut Look) -> bool {
-        let Some(folder) = std::env::var_os("CLERESTORY_SHARED").map(std::path::PathBuf::from) else {
+        let Some(folder) = std::env::var_os("CLERESTORY_SHARED").filter(|folder| !folder.is_empty()) else {
+            let is_required = std::env::var_os("CLERESTORY_REQUIRE_SHARED").is_some();
+            assert!(!is_required, "CLERESTORY_REQUIRE_SHARED is set, but CLERESTORY_SHARED names no folder");
             println!("skipped: no shared data");
             return false;
         };
         let lamp = look.lights.lamps[0].clone();
-        let of = |key: &str, file: &str, lumen: f32, intensity: f32| FreeLamp {
-            key: key.into(),
-            shape: LampShape::Profile { file: folder.join("env").join(file).display().to_string() },
-            strength: lumen,
-            setting: LightSetting { intensity, ..LightSetting::default() },
-            ..lamp.clone()
+        let of = |key: &str, file: &str, lumen: f32, intensity: f32| {
+            let file = Path::new(&folder).join("env").join(file);
+            assert!(file.exists(), "the shared data has no {}", file.display());
+            FreeLamp {
+                key: key.into(),
+                shape: LampShape::Profile { file: file.display().to_string() },
+                strength: lumen,
+                setting: LightSetting { intensity, ..LightSetting::default() },
+                ..lamp.clone()
+            }
         };
         let (wide, narrow) = ("bega-50899.2K3.ies", "bega-50975.6K3.ies");
         look.lights.lamps = vec![

@@ -180,6 +180,11 @@ impl BakeConfig {
         (self.spp / 2).max(1)
     }
 
+    /// Whether each block is to hold traced light as it was sampled, and none is to hold that of a preview.
+    fn is_exact(&self) -> bool {
+        self.indirect == Indirect::Traced && !self.denoise && !self.smooth
+    }
+
     /// Greatest rank of a block. What other methods are asked to fit holds noise, which they do not know from signal: with every rank
     /// open to them, most would take minutes for each block.
     fn max_rank(&self) -> u32 {
@@ -249,7 +254,8 @@ pub enum Passes {
     /// What was begun before, as it is; of the rest a preview, then all samples: for somebody who has not seen it yet.
     Again,
     /// A preview, then passes of four times the samples each, until then at the latest: blocks that the pass under way has not
-    /// reached stay as the pass before left them. What comes out depends on the speed of the machine.
+    /// reached stay as the pass before left them. Where neither noise is taken out nor light shared, each block is traced once all the
+    /// same. What comes out depends on the speed of the machine.
     Until(Instant),
 }
 
@@ -335,6 +341,9 @@ pub struct BakeHeader {
     /// Mean square over the entries by which shared indirect light is off; known at the end of a bake that shares it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sharing_bias: Option<f32>,
+    /// Blocks of the picture that a time left as the preview made them, whose indirect light is shared and clamped.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub preview_blocks: u32,
     /// Truncation and sampling error of each column of lights: mean square over the square of its peak in the picture, 0 of a column that
     /// lights nothing. Known at the end of a bake; none where the halves did not tell.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -591,6 +600,7 @@ impl BakeJob {
             column_scale,
             sky_reach,
             sharing_bias: None,
+            preview_blocks: 0,
             column_error: Vec::new(),
             irradiance: self.irradiance_headers(&dark, focus)?,
             patches: None,
@@ -619,6 +629,7 @@ impl BakeJob {
     fn plan(&self, density: Density, header: &BakeHeader) -> MatrixPlan {
         let plan = MatrixPlan::without(&self.scene.lighting, density, &header.spared.dark_sources);
         let plan = plan.fitted(&header.column_scale, &header.sky_reach, self.scene.skips);
+        let plan = if self.scene.connects_to_all { plan } else { plan.with_lone_picks() };
         match self.config.indirect {
             Indirect::Shared => plan.for_short_walks(),
             Indirect::Traced => plan,
@@ -687,7 +698,7 @@ impl BakeJob {
         let n_blocks = partition.n_blocks();
         let last = passes.len() as u32 - 1;
         let mut run = Run::new(&self, &matrix, &header, (focus, empty), last);
-        run.deadline = self.passes.deadline().map(Deadline::new);
+        run.deadline = self.passes.deadline().map(|at| Deadline::new(at, u32::from(self.config.is_exact())));
         if on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes: passes.len() as u32 }).is_break() {
             return Ok(None);
         }
@@ -861,6 +872,10 @@ struct Run<'a> {
 struct Deadline {
     begun: Instant,
     at: Instant,
+    /// The last pass that is never cut short: 0, the preview, or 1, the first that traces what it ends with.
+    whole: u32,
+    /// Blocks of the picture that the preview alone has come to.
+    n_of_preview: u32,
     /// What will be done once it has struck takes about so long.
     ending: Duration,
     /// It came and ended a pass.
@@ -868,13 +883,22 @@ struct Deadline {
 }
 
 impl Deadline {
-    fn new(at: Instant) -> Deadline {
-        Deadline { begun: Instant::now(), at, ending: Duration::ZERO, has_struck: false }
+    fn new(at: Instant, whole: u32) -> Deadline {
+        Deadline { begun: Instant::now(), at, whole, n_of_preview: 0, ending: Duration::ZERO, has_struck: false }
     }
 
-    /// Breaks once it has come; the preview, pass 0, is never cut short.
+    /// A block of the picture came. The preview goes over all that the next pass does.
+    fn count(&mut self, pass: u32) {
+        match pass {
+            0 => self.n_of_preview += 1,
+            1 => self.n_of_preview -= 1,
+            _ => {}
+        }
+    }
+
+    /// Breaks once it has come, but for passes that are never cut short.
     fn strike(&mut self, pass: u32) -> ControlFlow<()> {
-        if pass > 0 && self.left() <= self.ending {
+        if pass > self.whole && self.left() <= self.ending {
             self.has_struck = true;
             return ControlFlow::Break(());
         }
@@ -941,7 +965,8 @@ impl Run<'_> {
         if !has_struck && biases().all(Option::is_none) {
             return self.header.clone();
         }
-        let mut header = BakeHeader { sharing_bias: self.bias, ..(**self.header).clone() };
+        let preview_blocks = self.deadline.as_ref().map_or(0, |deadline| deadline.n_of_preview);
+        let mut header = BakeHeader { sharing_bias: self.bias, preview_blocks, ..(**self.header).clone() };
         for (set, bias) in header.irradiance.iter_mut().zip(&self.irradiance_bias) {
             set.sharing_bias = *bias;
         }
@@ -969,10 +994,12 @@ impl Run<'_> {
         let (mut done, mut secs_left) = clock.block_done(self.started.elapsed().as_secs_f32());
         on_event(BakeEvent::of_block(pass, place, factors))?;
         if let Some(deadline) = &mut self.deadline {
+            deadline.count(pass);
             let (share, left) = deadline.progress();
             done = done.max(share);
-            // The preview is made whatever the time is.
-            secs_left = secs_left.map(|secs| secs.min(left)).or((pass > 0).then_some(left));
+            // Passes that are made whatever the time is do not end by it.
+            let left = (pass > deadline.whole).then_some(left);
+            secs_left = left.map(|left| secs_left.map_or(left, |secs| secs.min(left)));
             deadline.strike(pass)?;
         }
         on_event(BakeEvent::Progress { pass, done, secs_left })

@@ -103,6 +103,8 @@ pub struct Figures {
     pub columns: usize,
     /// Blocks of pixels.
     pub blocks: usize,
+    /// Blocks that a time left as the preview made them, with shared and clamped indirect light.
+    pub preview_blocks: usize,
     /// Mean rank over blocks, summed over the groups of columns.
     pub mean_rank: f32,
     /// Highest rank of a block, summed over the groups of columns.
@@ -192,6 +194,7 @@ impl Bake {
             pixels,
             columns,
             blocks,
+            preview_blocks: self.header.preview_blocks as usize,
             mean_rank: self.groups.iter().map(|g| g.mean_rank()).sum(),
             max_rank: (0..blocks).map(|block_idx| self.rank(block_idx)).max().unwrap_or(0),
             bytes,

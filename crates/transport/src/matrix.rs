@@ -210,7 +210,17 @@ impl<'a> TransportMatrix<'a> {
 
     /// Random numbers of a sample of a pixel or point and half.
     pub(crate) fn sampler(&self, number: u32, half: Half, sample: u32) -> Sampler {
-        Sampler::new(self.seed, self.stream(number, u64::from(half == Half::B)), sample)
+        self.sampler_of(number, u64::from(half == Half::B), sample)
+    }
+
+    /// The same, halves as in [`TransportMatrix::stream`].
+    fn sampler_of(&self, number: u32, half: u64, sample: u32) -> Sampler {
+        let (seed, stream) = (self.seed, self.stream(number, half));
+        if self.integrator.scene().samples_are_stratified {
+            Sampler::new(seed, stream, sample)
+        } else {
+            Sampler::lone(seed, stream, sample)
+        }
     }
 
     /// One sample of the rows of a pixel without the light that other surfaces send to the first diffuse base, which is left to be
@@ -247,7 +257,7 @@ impl<'a> TransportMatrix<'a> {
         let Some(rows) = self.irradiance else {
             let is_empty = self.is_empty_pixel(pixel);
             for sample in samples {
-                let sampler = Sampler::new(self.seed, self.stream(pixel, half), sample);
+                let sampler = self.sampler_of(pixel, half, sample);
                 if is_empty {
                     self.integrator.sample_empty_pixel(&self.camera, self.film, at, sampler, deposit);
                 } else {
@@ -260,7 +270,7 @@ impl<'a> TransportMatrix<'a> {
             return;
         }
         for sample in samples {
-            let mut sampler = Sampler::new(self.seed, self.stream(pixel, half), sample);
+            let mut sampler = self.sampler_of(pixel, half, sample);
             self.deposit_irradiance(rows, pixel, &mut sampler, scratch, deposit);
         }
     }

@@ -104,9 +104,10 @@ impl Nodes {
             }
         }
         let surfaces = hits.into_iter().map(|hit| hit.map(|(hit, normal)| (hit.position, normal))).collect();
-        let mut nodes = Nodes { spacing, size, surfaces, light, cache };
-        nodes.calm(node_len, plan.outshines);
-        Some(nodes)
+        if matrix.integrator.scene().nodes_are_calmed {
+            calm(&mut light, size, node_len, plan.outshines);
+        }
+        Some(Nodes { spacing, size, surfaces, light, cache })
     }
 
     /// The same light for a matrix whose columns have other scales, given the ratios of its scales to those of this one.
@@ -114,23 +115,6 @@ impl Nodes {
         scale_columns(&mut self.light, ratios);
         self.cache.scale(ratios);
         self
-    }
-
-    /// Dims nodes that outshine their neighbors by far.
-    fn calm(&mut self, node_len: usize, outshines: f32) {
-        let total = |light: &[f32]| light.iter().sum::<f32>();
-        let totals: Vec<f32> = self.light.par_chunks(node_len).map(total).collect();
-        let (nx, ny) = (self.size.x as usize, self.size.y as usize);
-        self.light.par_chunks_mut(node_len).enumerate().for_each(|(node, light)| {
-            let (x, y) = (node % nx, node / nx);
-            let rows = y.saturating_sub(1)..(y + 2).min(ny);
-            let around = rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(nx)).map(move |x| y * nx + x));
-            let Some(median) = median(around.map(|n| totals[n]).filter(|t| *t > 0.0)) else { return };
-            let limit = outshines * median;
-            if totals[node] > limit {
-                light.iter_mut().for_each(|x| *x *= limit / totals[node]);
-            }
-        });
     }
 
     /// Adds the indirect light at a point to the rows of a pixel; false where no node lies on the same surface.
@@ -168,6 +152,23 @@ impl Nodes {
     }
 }
 
+/// Dims nodes of a grid that outshine the median of those around them and themselves by more than so many times: to that, all columns alike.
+fn calm(light: &mut [f32], size: UVec2, node_len: usize, outshines: f32) {
+    let total = |light: &[f32]| light.iter().sum::<f32>();
+    let totals: Vec<f32> = light.par_chunks(node_len).map(total).collect();
+    let (nx, ny) = (size.x as usize, size.y as usize);
+    light.par_chunks_mut(node_len).enumerate().for_each(|(node, light)| {
+        let (x, y) = (node % nx, node / nx);
+        let rows = y.saturating_sub(1)..(y + 2).min(ny);
+        let around = rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(nx)).map(move |x| y * nx + x));
+        let Some(median) = median(around.map(|n| totals[n]).filter(|t| *t > 0.0)) else { return };
+        let limit = outshines * median;
+        if totals[node] > limit {
+            light.iter_mut().for_each(|x| *x *= limit / totals[node]);
+        }
+    });
+}
+
 fn stream_of(node: u32) -> u64 {
     STREAM + u64::from(node) * 4
 }
@@ -188,5 +189,39 @@ fn gather_node(
             matrix.integrator.gather_indirect((hit, *normal, Onto::Pixel), &mut sampler, scratch, &mut deposit);
         }
         light.iter_mut().for_each(|x| *x /= walks as f32);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three by three nodes of two values each, those around the one in the middle alike.
+    fn calmed(around: [f32; 2], middle: [f32; 2], outshines: f32) -> Vec<[f32; 2]> {
+        let mut nodes = [around; 9];
+        nodes[4] = middle;
+        let mut light = nodes.concat();
+        calm(&mut light, UVec2::splat(3), 2, outshines);
+        light.chunks_exact(2).map(|node| [node[0], node[1]]).collect()
+    }
+
+    #[test]
+    fn a_node_that_outshines_those_around_it_is_dimmed_to_the_limit_and_no_other_one() {
+        let mut expected = [[1.0f32, 1.0]; 9];
+        // Of 16 beside a median of 2, 8 are left: half of each value.
+        expected[4] = [6.0, 2.0];
+        assert_eq!(calmed([1.0, 1.0], [12.0, 4.0], 4.0), expected);
+        assert_eq!(calmed([1.0, 1.0], [6.0, 2.0], 4.0), expected, "at the limit it stays as it is");
+        expected[4] = [12.0, 4.0];
+        assert_eq!(calmed([1.0, 1.0], [12.0, 4.0], f32::INFINITY), expected, "without a limit, too");
+    }
+
+    #[test]
+    fn darkness_is_no_measure_of_a_node() {
+        let mut expected = [[0.0f32, 0.0]; 9];
+        assert_eq!(calmed([0.0, 0.0], [0.0, 0.0], 4.0), expected);
+        assert_eq!(calmed([0.0, 0.0], [0.0, 0.0], f32::INFINITY), expected);
+        expected[4] = [12.0, 4.0];
+        assert_eq!(calmed([0.0, 0.0], [12.0, 4.0], 4.0), expected, "a lone one has nothing to outshine");
     }
 }

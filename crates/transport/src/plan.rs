@@ -113,6 +113,15 @@ impl MatrixPlan {
         self
     }
 
+    /// One light at a first vertex, and one of each group at later ones: there to be compared with.
+    pub fn with_lone_picks(mut self) -> MatrixPlan {
+        self.later.iter_mut().for_each(|(_, n_picks)| *n_picks = 1);
+        self.stride = self.first.len().max(1);
+        self.thinned.clear();
+        self.count_picks();
+        self
+    }
+
     /// Fitted to what pilots measured: what each column is multiplied by, and the mean of each patch of the sky.
     pub fn fitted(self, column_scale: &[f32], sky_reach: &[f32], skips: Skips) -> MatrixPlan {
         let unseen = if skips.has(Skip::UnseenPatches) { Unseen::Dropped } else { Unseen::Kept };

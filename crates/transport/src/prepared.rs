@@ -47,6 +47,12 @@ pub struct PreparedScene {
     pub(crate) coats_share: bool,
     /// Whether pixels of one color of a chessboard may judge those of the other one.
     pub(crate) colors_judge: bool,
+    /// Whether nodes of shared light are dimmed that outshine those around them.
+    pub(crate) nodes_are_calmed: bool,
+    /// Whether the samples of a pixel are stratified together.
+    pub(crate) samples_are_stratified: bool,
+    /// Whether the first vertex of a walk connects to all lights.
+    pub(crate) connects_to_all: bool,
     /// Diagonal of all surfaces, m; infinite where there are none.
     extent: f32,
 }
@@ -172,6 +178,9 @@ impl PreparedScene {
             casters: None,
             coats_share: true,
             colors_judge: true,
+            nodes_are_calmed: true,
+            samples_are_stratified: true,
+            connects_to_all: true,
             extent,
         };
         prepared.casters = Casters::find(&prepared, stop)?.map(Arc::new);
@@ -392,6 +401,24 @@ impl PreparedScene {
     /// same mean.
     pub fn without_colors(self) -> PreparedScene {
         PreparedScene { colors_judge: false, ..self }
+    }
+
+    /// The same scene no node of whose shared light is dimmed for outshining those around it: spots of rare bright walks, and nothing
+    /// cut off.
+    pub fn without_clamp(self) -> PreparedScene {
+        PreparedScene { nodes_are_calmed: false, ..self }
+    }
+
+    /// The same scene where the samples of a pixel know nothing of each other: noisier, and the same mean. Walks that go on from one first
+    /// vertex are stratified together all the same.
+    pub fn with_lone_samples(self) -> PreparedScene {
+        PreparedScene { samples_are_stratified: false, ..self }
+    }
+
+    /// The same scene where bakes connect the first vertex of a walk to one light, and later ones to one of each group: noisier, and the
+    /// same mean. Second vertices that pixels share are connected to all lights all the same.
+    pub fn with_lone_connections(self) -> PreparedScene {
+        PreparedScene { connects_to_all: false, ..self }
     }
 
     /// Material of a triangle.

@@ -21,6 +21,16 @@ impl Sampler {
         Sampler { key: mix(mix(seed).wrapping_add(stream)), reversed_index: index.reverse_bits(), pair: 0 }
     }
 
+    /// The same for a sample that knows nothing of the others of its stream: there to be compared with.
+    pub(crate) fn lone(seed: u64, stream: u64, index: u32) -> Sampler {
+        let Sampler { key, .. } = Sampler::new(seed, stream, 0);
+        Sampler {
+            key: mix(key ^ mix(u64::from(index).wrapping_add(0x5851_F42D_4C95_7F2D))),
+            reversed_index: 0,
+            pair: 0,
+        }
+    }
+
     /// The next dimension, uniform in [0, 1).
     #[inline]
     pub fn next_1d(&mut self) -> f32 {
@@ -157,6 +167,22 @@ mod tests {
             count[(sampler.next_1d() * 32.0) as usize] += 1;
         }
         assert_eq!(count, [1; 32]);
+    }
+
+    #[test]
+    fn lone_samples_are_even_and_not_stratified() {
+        let points = |stream: u64, n: u32| -> Vec<[f32; 2]> {
+            (0..n).map(|index| Sampler::lone(3, stream, index).next_2d()).collect()
+        };
+        for stream in 0..50 {
+            assert!(cells(&points(stream, 16), 4, 4).iter().any(|&n| n != 1), "stream {stream}");
+        }
+        let (many, n_cells) = (points(0, 4096), 64);
+        let expected = many.len() as f32 / n_cells as f32;
+        let chi_squared: f32 = cells(&many, 8, 8).iter().map(|&n| (n as f32 - expected).powi(2) / expected).sum();
+        // Of 63 degrees of freedom one in ten thousand is above 112.
+        assert!(chi_squared < 112.0, "{chi_squared}");
+        assert_eq!(Sampler::lone(3, 1, 2).next_2d(), Sampler::lone(3, 1, 2).next_2d());
     }
 
     #[test]

@@ -294,7 +294,7 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         "pixels      {} with {} columns\n\
          blocks      {}, mean rank {:.2}, highest {}\n\
          size        {}{} in memory (dense {}, {:.1} times as large)\n\
-         error       {}{}{}{}{}{}",
+         error       {}{}{}{}{}{}{}",
         number("pixels"),
         number("columns"),
         number("blocks"),
@@ -305,6 +305,7 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         size("dense_bytes"),
         number("ratio"),
         error_words(&figures["error_db"], basis),
+        preview_words(figures),
         block_words(&figures["block_error_db"], basis),
         column_words(&figures["column_error_db"]),
         reconstruction_words(&figures["reconstruction"]),
@@ -348,6 +349,14 @@ fn error_words(error_db: &Value, basis: &LightBasis) -> String {
     format!("{total} in all: truncation {truncation}, sampling {sampling}{bias}; noise of the samples {noise}")
 }
 
+/// Blocks that a time left as the preview made them, a line of its own; nothing where there are none.
+fn preview_words(figures: &Value) -> String {
+    let Some(n_blocks) = figures["preview_blocks"].as_u64().filter(|n| *n > 0) else { return String::new() };
+    format!(
+        "\npreview     {n_blocks} of the blocks, which time left as the preview made them: their indirect light is shared and clamped"
+    )
+}
+
 /// The worst blocks, a line of its own: each layer has one.
 fn block_words(block_error_db: &Value, basis: &LightBasis) -> String {
     let worst = |layer: &str| block_error_db[layer]["worst"].as_f64().unwrap_or(f64::NAN);
@@ -386,4 +395,16 @@ fn skipped_words(skipped: &Value) -> String {
     .map(|(name, scale, what)| format!("{:.0} {what}", number(name) * scale))
     .collect();
     if parts.is_empty() { String::new() } else { format!("\nskipped     {}", parts.join(", ")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_of_the_preview_are_told_where_there_are_some() {
+        let told = |n_blocks: u32| preview_words(&json!({ "preview_blocks": n_blocks }));
+        assert!(told(7).starts_with("\npreview     7 of the blocks"), "{}", told(7));
+        assert_eq!(told(0) + &preview_words(&json!({})), "");
+    }
 }

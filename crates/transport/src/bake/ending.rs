@@ -94,10 +94,17 @@ mod tests {
     #[test]
     fn time_is_up_as_long_before_as_the_end_takes() {
         let hour = Duration::from_secs(3600);
-        let mut deadline = Deadline::new(Instant::now() + hour);
+        let mut deadline = Deadline::new(Instant::now() + hour, 0);
         assert!(deadline.strike(1).is_continue());
         deadline.ending = 2 * hour;
         assert!(deadline.strike(0).is_continue() && !deadline.has_struck, "there is no picture yet");
         assert!(deadline.strike(1).is_break() && deadline.has_struck);
+    }
+
+    #[test]
+    fn passes_that_are_made_whatever_the_time_is_are_not_cut_short() {
+        let mut deadline = Deadline::new(Instant::now(), 1);
+        assert!(deadline.strike(1).is_continue() && !deadline.has_struck);
+        assert!(deadline.strike(2).is_break() && deadline.has_struck);
     }
 }

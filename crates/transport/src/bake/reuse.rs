@@ -397,6 +397,7 @@ impl Reuse {
             told.map_or_else(Vec::new, |told| of_lights(&told.column_error, new.map(|new| &new.column_error[..])));
         header.spared = self.joined_spared(&sources, new);
         header.sharing_bias = self.joined_bias(earlier.sharing_bias, new.and_then(|new| new.sharing_bias));
+        header.preview_blocks = new.map_or(0, |new| new.preview_blocks);
         if new.is_some_and(|new| new.grounds.is_none()) {
             header.grounds = None;
         }

@@ -193,6 +193,7 @@ impl StackJob {
             column_scale,
             sky_reach: Vec::new(),
             sharing_bias: None,
+            preview_blocks: 0,
             column_error: Vec::new(),
             irradiance: Vec::new(),
             patches: None,

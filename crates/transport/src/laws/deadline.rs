@@ -64,7 +64,29 @@ fn a_bake_whose_time_is_up_keeps_what_it_has() {
     assert!(late.groups[0].blocks.iter().all(Option::is_some));
     assert!(late.header.sharing_bias.is_some_and(f32::is_finite), "light of a preview is shared");
     assert!(late.figures().error_db.total.is_finite());
+    assert_eq!(
+        (late.header.preview_blocks, late.figures().preview_blocks),
+        (11, 11),
+        "and it is told how many hold it"
+    );
     assert!(baked(Passes::FinalOnly).header.grounds.is_some() && late.header.grounds.is_none());
+}
+
+#[test]
+fn a_bake_without_bias_traces_every_block_once_even_if_its_time_is_up() {
+    let job = job(Passes::Until(Instant::now()));
+    let config = BakeConfig { spp: 16, denoise: false, smooth: false, ..job.config.clone() };
+    let mut blocks_of_pass = [0, 0, 0];
+    let late = BakeJob { config, ..job }.run(|event| {
+        if let BakeEvent::BlockDone { pass, .. } = event {
+            blocks_of_pass[pass as usize] += 1;
+        }
+        ControlFlow::Continue(())
+    });
+    let late = late.expect("the job is valid").expect("nobody stops it");
+    // The one block of the last pass is that at which the time was seen to be up.
+    assert_eq!(blocks_of_pass, [12, 12, 1]);
+    assert_eq!((late.header.preview_blocks, late.header.sharing_bias), (0, None));
 }
 
 #[test]
@@ -78,8 +100,9 @@ fn a_bake_whose_time_is_up_follows_no_walks_for_the_next_pass() {
         }
         ControlFlow::Continue(())
     });
-    assert!(late.expect("the job is valid").expect("nobody stops it").figures().error_db.total.is_finite());
-    assert_eq!(blocks_of_pass, [12, 0]);
+    let figures = late.expect("the job is valid").expect("nobody stops it").figures();
+    assert!(figures.error_db.total.is_finite());
+    assert_eq!((blocks_of_pass, figures.preview_blocks), ([12, 0], 12));
 }
 
 #[test]

@@ -98,6 +98,30 @@ fn every_way_to_sample_lights_has_the_mean_of_plain_walks() {
     check(walks(10, 2, Some(3), 4).streams(&scene, &plan, &weights), "the plan of a matrix");
     let preview = MatrixPlan::new(&scene.lighting, Density::Quarter);
     check(walks(10, 2, Some(3), 5).streams(&scene, &preview, &weights), "the plan of a preview");
+    let lone = MatrixPlan::new(&scene.lighting, Density::Full).with_lone_picks();
+    check(walks(10, 16, Some(3), 6).streams(&scene, &lone, &weights), "a light at a vertex");
+}
+
+#[test]
+fn samples_that_know_nothing_of_each_other_have_the_mean_of_those_of_a_sequence() {
+    const SAMPLES: u32 = 256;
+    let scene = room_with_everything();
+    let weights = file_light(&scene);
+    // Pixel by pixel, each by itself.
+    let pictured = |scene: &PreparedScene| -> Vec<f64> {
+        let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+        let matrix = TransportMatrix::new(scene, &plan, scene.scene.cameras[0].clone(), FILM, Some(3), 4);
+        let n_cols = matrix.n_cols();
+        let of_pixel = |pixel: u32| {
+            let mut rows = vec![0.0; CHANNELS * n_cols];
+            matrix.add_rows(&[pixel], 0..SAMPLES, Half::A, &mut rows, &mut Vec::new());
+            rows[n_cols..2 * n_cols].iter().zip(&weights).map(|(value, weight)| f64::from(value * weight)).sum::<f64>()
+        };
+        (0..FILM.n_pixels() as u32).into_par_iter().map(of_pixel).collect()
+    };
+    let (sequence, lone) = (pictured(&scene), pictured(&scene.clone().with_lone_samples()));
+    assert!(sequence.iter().zip(&lone).all(|(a, b)| a != b || *a == 0.0), "they are other samples");
+    assert_same_mean(&lone, &sequence, SHARP, "samples that know nothing of each other");
 }
 
 #[test]

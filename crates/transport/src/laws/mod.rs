@@ -1,5 +1,6 @@
 //! Laws of light transport, on scenes small enough for their answer to be known by hand or by brute force.
 
+pub(crate) mod at_hand;
 mod caustics;
 mod close;
 mod columns;

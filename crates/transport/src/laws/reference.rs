@@ -1,12 +1,11 @@
 //! A bake against a transport matrix that another renderer made, one picture per texel. Needs the shared data.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clerestory_nystrom::{Half, SampledMatrix};
 use rayon::prelude::*;
 
-use super::pictures;
+use super::{at_hand, pictures};
 use crate::bake::{Bake, BakeConfig};
 use crate::camera::Film;
 use crate::import;
@@ -30,16 +29,6 @@ const MEAN_TOLERANCE: f64 = 3e-3;
 /// A block is off where it differs by more standard errors than this, and this share of them must not be.
 const Z_MAX: f64 = 3.5;
 const SHARE: f64 = 0.995;
-
-/// Without shared data the test says so and ends.
-fn shared(file: &str) -> Option<PathBuf> {
-    let found = std::env::var_os("CLERESTORY_SHARED").map(|folder| Path::new(&folder).join("references").join(file));
-    let found = found.filter(|path| path.exists());
-    if found.is_none() {
-        println!("skipped: no shared data");
-    }
-    found
-}
 
 /// The array of that name in an uncompressed NPZ file: what its header says, and its bytes.
 fn npz_array<'a>(npz: &'a [u8], name: &str) -> (&'a str, &'a [u8]) {
@@ -191,7 +180,9 @@ impl Channel {
 
 #[test]
 fn every_texels_column_is_that_of_another_renderer() {
-    let (Some(glb), Some(npz)) = (shared("cornell-texels.glb"), shared("cornell-texels-matrix.npz")) else { return };
+    let [glb, npz] =
+        ["cornell-texels.glb", "cornell-texels-matrix.npz"].map(|file| at_hand::file(&format!("references/{file}")));
+    let (Some(glb), Some(npz)) = (glb, npz) else { return };
     let imported = import::load(&glb).expect("a valid scene");
     let scene = Arc::new(PreparedScene::new(imported.scene, &[]).expect("valid lights").0);
     let reference = reference(&std::fs::read(npz).expect("a readable file"), &scene);

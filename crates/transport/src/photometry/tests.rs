@@ -1,10 +1,10 @@
 use std::f32::consts::{PI, TAU};
 use std::fmt::Write;
-use std::path::PathBuf;
 
 use glam::Vec3;
 
 use super::*;
+use crate::laws::at_hand;
 
 const X: Vec3 = Vec3::X;
 const Y: Vec3 = Vec3::Y;
@@ -407,10 +407,7 @@ fn damaged_files_never_panic() {
 
 #[test]
 fn files_of_a_maker_hold_what_they_state() {
-    let Some(folder) = std::env::var_os("CLERESTORY_SHARED").map(PathBuf::from) else {
-        println!("skipped: no shared data");
-        return;
-    };
+    let Some(folder) = at_hand::folder() else { return };
     let load = |name: &str| {
         let bytes = std::fs::read(folder.join("env").join(name)).expect(name);
         PhotometricProfile::parse(&bytes, name).expect(name)

@@ -5,16 +5,8 @@ use std::path::{Path, PathBuf};
 use glam::{Vec2, Vec3};
 
 use crate::import::{ImportError, Imported, load};
+use crate::laws::at_hand;
 use crate::scene::Finish;
-
-/// The shared folder; without one the test says so and ends.
-fn shared() -> Option<PathBuf> {
-    let folder = std::env::var_os("CLERESTORY_SHARED").map(PathBuf::from);
-    if folder.is_none() {
-        println!("skipped: no shared data");
-    }
-    folder
-}
 
 fn files_below(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
@@ -35,7 +27,7 @@ fn conformance(shared: &Path, file: &str) -> Imported {
 
 #[test]
 fn every_conformance_file_loads_or_says_why_not() {
-    let Some(shared) = shared() else { return };
+    let Some(shared) = at_hand::folder() else { return };
     let files = files_below(&shared.join("conformance"));
     assert!(files.len() > 50, "{}", files.len());
     for file in files {
@@ -94,7 +86,7 @@ fn row(folder: &Path, file: &Path) -> String {
 
 #[test]
 fn the_table_of_files_says_what_becomes_of_each() {
-    let Some(shared) = shared() else { return };
+    let Some(shared) = at_hand::folder() else { return };
     let folder = shared.join("conformance");
     let rows: Vec<String> = files_below(&folder).iter().map(|file| row(&folder, file)).collect();
     let table = rows.join("\n");
@@ -108,7 +100,7 @@ fn the_table_of_files_says_what_becomes_of_each() {
 
 #[test]
 fn triangle_counts_are_those_of_the_files() {
-    let Some(shared) = shared() else { return };
+    let Some(shared) = at_hand::folder() else { return };
     for (file, n_triangles) in [
         ("NegativeScaleTest/NegativeScaleTest.glb", 7724),
         ("SimpleSparseAccessor/SimpleSparseAccessor.gltf", 12),
@@ -132,7 +124,7 @@ fn triangle_counts_are_those_of_the_files() {
 
 #[test]
 fn fronts_of_mirrored_nodes_agree_with_their_normals() {
-    let Some(shared) = shared() else { return };
+    let Some(shared) = at_hand::folder() else { return };
     let mesh = conformance(&shared, "NegativeScaleTest/NegativeScaleTest.glb").scene.mesh;
     let agrees = |t: &u32| {
         let normal: Vec3 = mesh.triangles[*t as usize].iter().map(|&v| mesh.normals[v as usize]).sum();
@@ -144,7 +136,7 @@ fn fronts_of_mirrored_nodes_agree_with_their_normals() {
 
 #[test]
 fn attributes_of_the_samples_arrive() {
-    let Some(shared) = shared() else { return };
+    let Some(shared) = at_hand::folder() else { return };
     let two_sets = conformance(&shared, "MultiUVTest/MultiUVTest.glb").scene;
     assert!(two_sets.mesh.uvs.iter().all(|uvs| uvs.len() == two_sets.mesh.positions.len()));
     let colored = conformance(&shared, "BoxVertexColors/BoxVertexColors.glb").scene.mesh;
@@ -163,7 +155,7 @@ fn attributes_of_the_samples_arrive() {
 
 #[test]
 fn lamps_cameras_and_images_of_the_samples_arrive() {
-    let Some(shared) = shared() else { return };
+    let Some(shared) = at_hand::folder() else { return };
     assert_eq!(conformance(&shared, "LightsPunctualLamp/LightsPunctualLamp.gltf").scene.punctual.len(), 5);
     let cameras = conformance(&shared, "Cameras/Cameras.gltf");
     assert_eq!((cameras.scene.cameras.len(), cameras.report.n_cameras), (1, 2));
@@ -179,7 +171,7 @@ fn lamps_cameras_and_images_of_the_samples_arrive() {
 
 #[test]
 fn compressed_views_hold_what_their_accessors_state() {
-    let Some(shared) = shared() else { return };
+    let Some(shared) = at_hand::folder() else { return };
     let cube = conformance(&shared, "BoxMeshopt/BoxMeshopt.glb").scene.mesh;
     let (lo, hi) = cube.bounds().expect("a box");
     assert!((hi - lo - Vec3::ONE).abs().max_element() < 1e-3, "{lo} to {hi}");
@@ -197,7 +189,7 @@ fn compressed_views_hold_what_their_accessors_state() {
 
 #[test]
 fn finishes_of_the_samples_arrive() {
-    let Some(shared) = shared() else { return };
+    let Some(shared) = at_hand::folder() else { return };
     let finishes = |file: &str| -> Vec<Finish> {
         let Imported { scene, report } = conformance(&shared, file);
         let left_out =
