@@ -101,12 +101,13 @@ fn baked_table(measured: &[Measured]) -> String {
          | case | rank | sampled | error | told by the halves | denoised | unpacked | added | bytes |\n\
          |---|---|---|---|---|---|---|---|---|\n"
     );
-    for Measured { case, baked, .. } in measured {
-        let steps = [case.distance(&case.mean()), baked.error, baked.told, baked.denoised, baked.unpacked, baked.added];
+    for Measured { case, stored, .. } in measured {
+        let steps =
+            [case.distance(&case.mean()), stored.error, stored.told, stored.denoised, stored.unpacked, stored.added];
         let [sampled, error, told, denoised, unpacked, added] = steps.map(|x| share(x, case.norm()));
         text += &format!(
             "| {} | {} | {sampled} | {error} | {told} | {denoised} | {unpacked} | {added} | {} |\n",
-            case.name, baked.rank, baked.n_bytes
+            case.name, stored.rank, stored.n_bytes
         );
     }
     text
