@@ -80,7 +80,7 @@ fn singular_matrices_survive_noise_that_grows_with_their_columns() {
         let tree = singular().new_tree(&mut runner).expect("nothing is rejected");
         // A simpler matrix, which a failure is brought down to, takes the first of them.
         let noises: Vec<f32> = (0..2 * tree.current().truth.len()).map(|_| rng.normal()).collect();
-        let survives = TestRunner::new(quick(1)).run_one(tree, |mut case| {
+        let survives = TestRunner::new(quick(200)).run_one(tree, |mut case| {
             let entries = case.halves.iter_mut().flat_map(|half| half.iter_mut());
             entries.zip(&noises).for_each(|(x, noise)| *x += 0.1 * *x * noise);
             let allowed = 0.25 * case.norm() + case.distance(&case.mean());

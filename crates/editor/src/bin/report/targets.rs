@@ -95,7 +95,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          over all entries, pk the median over columns of their 99.5 percentile. Every method is asked for the same tolerance, block by block of\n\
          16 × 16 pixels; what it finds is packed as a bake is, read back, and held against the converged matrix. The ratio is the dense matrix in\n\
          single precision over all bytes of the packed one; its picture under all columns is kept far better than asked, which is counted. `svd` is the\n\
-         best there is at equal rank (Eckart–Young), packed alike. The least rank is that of all singular values of all\n\
+         best there is at equal rank (Eckart–Young), packed alike; `row-id` is the next best at equal rank on blocks of both matrices, as Methods has it. The least rank is that of all singular values of all\n\
          blocks under one threshold, at the error that was reached. Multiply-adds are those of a product with three channels of light, per pixel: with\n\
          factors as they are unpacked, which is what the relighters do, and with right factors in cosines, zeros left out (`PackedProduct`).\n\
          Seams: the step of the error from pixel to pixel, root mean square, across borders of blocks over within. Told: blocks that tell their error to\n\
