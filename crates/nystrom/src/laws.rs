@@ -323,6 +323,22 @@ fn the_other_half_tells_the_truth() {
     }
 }
 
+/// As many columns as a block ever has, twelve components of which stand out of the noise.
+#[test]
+fn the_error_of_four_thousand_columns_is_told_and_small() {
+    let truth = decaying(768, 4096, 12, 0.8, &mut Random::new([46, 0]));
+    let matrix = Known::new(truth, 3, 0.03);
+    let found = factors(&matrix, &config(Tolerance::AbsoluteMeanSquare(1e-3), 4096, 1), 1);
+    let error = mean_square(&found.dense(), &matrix.truth.data);
+    let told = f64::from(found.error.truncation + found.error.sampling);
+    let (noise, deviation) = (f64::from(found.error.noise), found.error.deviation(matrix.truth.data.len()));
+    let words = format!("rank {}: {error:e}, told {told:e}, noise {noise:e}", found.rank);
+    assert!((12..=14).contains(&found.rank), "{words}");
+    // Of the noise twelve components keep as much as they have numbers: 12 · (768 + 4096 − 12) of 768 · 4096.
+    assert!((noise / (0.5 * 0.03f64.powi(2)) - 1.0).abs() < 0.01 && error < 0.04 * noise, "{words}");
+    assert!((told - error).abs() <= 5.0 * deviation, "{words}, which deviates by {deviation:e}");
+}
+
 #[test]
 fn the_rank_is_within_about_half_a_decibel_of_the_best() {
     for (kind, noise) in [(Kind::Smooth, 0.6), (Kind::LoneBundles, 0.2), (Kind::Edge, 0.2)] {

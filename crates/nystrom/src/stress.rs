@@ -14,9 +14,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod baked;
 mod cases;
 mod others;
+mod stored;
 
 use nalgebra::{DMatrix, SVD};
 
@@ -28,9 +28,9 @@ use crate::{
     product::product,
 };
 
-pub use baked::{ASKED, Baked, BakedError, baked};
 pub use cases::{cases, refused};
 pub use others::{condition, rival};
+pub use stored::{ASKED, Stored, StoredError, stored};
 
 /// A matrix, how it was sampled, and what is asked of an approximation.
 #[derive(Clone, Debug)]
@@ -47,7 +47,7 @@ pub struct Case {
     pub rank: usize,
 }
 
-/// What [`compress`](crate::compress()) makes of a case that it is told the rank of; [`Baked`] is what comes of a tolerance.
+/// What [`compress`](crate::compress()) makes of a case that it is told the rank of; [`Stored`] is what comes of a tolerance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ours {
     /// Components that were kept.

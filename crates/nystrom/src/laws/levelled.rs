@@ -76,16 +76,23 @@ fn full_rank_is_as_exact_as_the_samples() {
 fn singular_matrices_survive_noise_that_grows_with_their_columns() {
     let mut runner = TestRunner::new_with_rng(quick(1), TestRng::from_seed(RngAlgorithm::ChaCha, &[75; 32]));
     let mut rng = Random::new([92, 0]);
-    for nth in 0..200 {
-        let mut case = singular().new_tree(&mut runner).expect("nothing is rejected").current();
-        case.halves.iter_mut().flat_map(|half| half.iter_mut()).for_each(|x| *x += 0.1 * *x * rng.normal());
-        let allowed = 0.25 * case.norm() + case.distance(&case.mean());
-        for smooths in [false, true] {
-            let factors = found(&case, 0.0, 96, smooths);
-            let error = distance(&case, &factors);
-            assert!(error <= allowed, "{nth} {smooths}: {error}, {allowed} is allowed");
-            assert!(told(&case, &factors).is_finite() && factors.packing.is_finite(), "{nth} {smooths}");
-        }
+    for _ in 0..200 {
+        let tree = singular().new_tree(&mut runner).expect("nothing is rejected");
+        // A simpler matrix, which a failure is brought down to, takes the first of them.
+        let noises: Vec<f32> = (0..2 * tree.current().truth.len()).map(|_| rng.normal()).collect();
+        let survives = TestRunner::new(quick(200)).run_one(tree, |mut case| {
+            let entries = case.halves.iter_mut().flat_map(|half| half.iter_mut());
+            entries.zip(&noises).for_each(|(x, noise)| *x += 0.1 * *x * noise);
+            let allowed = 0.25 * case.norm() + case.distance(&case.mean());
+            for smooths in [false, true] {
+                let factors = found(&case, 0.0, 96, smooths);
+                let error = distance(&case, &factors);
+                prop_assert!(error <= allowed, "{smooths}: {error}, {allowed} is allowed");
+                prop_assert!(told(&case, &factors).is_finite() && factors.packing.is_finite(), "{smooths}");
+            }
+            Ok(())
+        });
+        survives.unwrap_or_else(|error| panic!("{error}"));
     }
 }
 
@@ -143,17 +150,6 @@ fn columns_are_decomposed_as_they_were_sampled_where_that_is_asked_for() {
 }
 
 #[test]
-fn more_components_are_never_worse_as_long_as_they_stand_out_of_the_noise() {
-    for seed in 0..20 {
-        let recipe = recipe(seed);
-        let case = recipe.noisy(recipe.truth(), 0, 0.05);
-        let errors: Vec<f64> =
-            (1..=6).map(|max_rank| distance(&case, &found(&case, asked(0.05), max_rank, false))).collect();
-        assert!(errors.is_sorted_by(|fewer, more| more < fewer), "seed {seed}: {errors:?}");
-    }
-}
-
-#[test]
 fn the_order_of_rows_and_columns_hardly_matters_where_noise_is_in_the_way() {
     for seed in 0..30 {
         let recipe = recipe(seed);
@@ -161,6 +157,24 @@ fn the_order_of_rows_and_columns_hardly_matters_where_noise_is_in_the_way() {
         let other = recipe.shuffled(&case);
         let [one, two] = [&case, &other].map(|case| distance(case, &found(case, asked(0.1), 96, false)));
         assert!((one - two).abs() <= 0.25 * one.max(two), "seed {seed}: {one} and {two}");
+    }
+}
+
+/// Of so many rows and columns, and falling so slowly, that six components are far greater than a twentieth of noise.
+fn standing_out() -> impl Strategy<Value = Recipe> {
+    (20usize..40, 2usize..4, 32usize..64, 0.6f32..0.75, 0u64..1000)
+        .prop_map(|(n_bundles, bundle_len, n_cols, decay, seed)| Recipe { n_bundles, bundle_len, n_cols, decay, seed })
+}
+
+proptest! {
+    #![proptest_config(quick(20))]
+
+    #[test]
+    fn more_components_are_never_worse_as_long_as_they_stand_out_of_the_noise(recipe in standing_out()) {
+        let case = recipe.noisy(recipe.truth(), 0, 0.05);
+        let errors: Vec<f64> =
+            (1..=6).map(|max_rank| distance(&case, &found(&case, asked(0.05), max_rank, false))).collect();
+        prop_assert!(errors.is_sorted_by(|fewer, more| more < fewer), "{errors:?}");
     }
 }
 

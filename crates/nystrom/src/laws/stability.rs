@@ -4,7 +4,7 @@ use crate::{
     dense::Dense,
     means::Means,
     product::product,
-    stress::{Baked, BakedError, Case, baked, cases, ours, refused},
+    stress::{Case, Stored, StoredError, cases, ours, refused, stored},
     unpacked::Unpacked,
     *,
 };
@@ -24,10 +24,10 @@ fn ours_is_within_twice_the_optimum_on_every_case() {
 }
 
 #[test]
-fn what_a_bake_makes_of_every_case_is_what_was_asked_and_told() {
+fn what_is_stored_of_every_case_is_what_was_asked_and_told() {
     for (seed, case) in (0..3).flat_map(|seed| cases(seed).into_iter().map(move |case| (seed, case))) {
-        let of_case = baked(&case).unwrap();
-        let Baked { asked, error, denoised, unpacked, added, .. } = of_case;
+        let of_case = stored(&case).unwrap();
+        let Stored { asked, error, denoised, unpacked, added, .. } = of_case;
         let words = format!("{} of seed {seed}: {of_case:?}", case.name);
         let rounding = 6e-4 * case.norm().max(case.mean().norm());
         // Where noise stands in the way of what is asked for, no step makes it worse than what was sampled.
@@ -37,7 +37,7 @@ fn what_a_bake_makes_of_every_case_is_what_was_asked_and_told() {
         assert!(unpacked <= denoised + 1.01 * added + rounding, "{words}");
         // Packing aims at what is asked for by a matrix of many blocks; a single one may miss it by 2 dB.
         assert!(unpacked <= 1.26 * allowed + rounding, "{words}");
-        assert_eq!(baked(&case).unwrap(), of_case, "{words} is another one when asked again");
+        assert_eq!(stored(&case).unwrap(), of_case, "{words} is another one when asked again");
     }
 }
 
@@ -46,7 +46,7 @@ fn what_is_not_finite_is_named() {
     for (case, [row, col]) in refused(3) {
         let named = CompressError::NonFinite { block: 0, row: row as u32, col: col as u32 };
         assert_eq!(ours(&case), Err(named.clone()), "{}", case.name);
-        assert_eq!(baked(&case), Err(BakedError::Compress(named)), "{}", case.name);
+        assert_eq!(stored(&case), Err(StoredError::Compress(named)), "{}", case.name);
     }
 }
 

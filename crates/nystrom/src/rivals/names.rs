@@ -19,7 +19,7 @@ impl Core {
     /// Share of the largest singular value below which the pseudo-inverse takes the others for zero, unless told.
     pub const RCOND: f64 = 1e-3;
     /// Damping as a share of the largest singular value, unless told. Of 10⁻¹ to 10⁻⁴ the one that serves Algorithm 4 best on two
-    /// matrices of bakes in blocks of 768 × 256, hardly any noise in them: at ranks 4, 16 and 32 what it leaves of one is 12.0, 23.3
+    /// dense matrices in blocks of 768 × 256, hardly any noise in them: at ranks 4, 16 and 32 what it leaves of one is 12.0, 23.3
     /// and 27.6 dB below its energy, of the other −2.8, 1.5 and 7.5 dB (10⁻³: 4.1, 19.8, 27.7 and −17.1, −2.6, 0.7; 10⁻¹: 12.2, 17.0,
     /// 17.8 and 1.3, 4.6, 7.8). Much noise calls for more.
     pub const LAMBDA: f64 = 1e-2;

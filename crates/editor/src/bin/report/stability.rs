@@ -12,6 +12,15 @@ use answer::{Answer, Measured, figure, refusal};
 
 /// Of the cases and of the methods.
 const SEED: u64 = 1;
+/// Tables, and the algorithm whose cores stand in each; in the last one what takes no core.
+const TABLES: [(&str, Option<Selection>); 6] = [
+    ("Algorithm 1: random rows, columns by k-means", Some(Selection::Alg1)),
+    ("Algorithm 2: random columns, rows by k-means", Some(Selection::Alg2)),
+    ("Algorithm 3: random rows and columns", Some(Selection::Alg3)),
+    ("Algorithm 4: rows and columns by k-means in turn", Some(Selection::Alg4)),
+    ("Algorithm 4 with the columns of both rounds, half of them random", Some(Selection::Alg4Union)),
+    ("Other methods", None),
+];
 
 /// Runs every method on every case.
 ///
@@ -21,7 +30,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     desk.say("compressing the cases of the stress suite");
     let measured = cases(SEED).into_iter().map(Measured::new).collect::<Result<Vec<_>>>()?;
     let mut answers: Vec<(Method, Vec<[Answer; 2]>)> = Vec::new();
-    for method in Method::ALL {
+    for method in Method::every() {
         let both = |measured: &Measured| [measured.rival::<f32>(method), measured.rival::<f64>(method)];
         // Names of files hold no colon everywhere.
         let of_cases: Vec<[Answer; 2]> = desk.part("stability", &method.to_string().replace(':', "-"), || {
@@ -34,13 +43,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     text += &baked_table(&measured);
     text += &summary(&measured, &answers);
     text += &refusals();
-    for (title, selection) in [
-        ("Algorithm 1: random rows, columns by k-means", Some(Selection::Alg1)),
-        ("Algorithm 2: random columns, rows by k-means", Some(Selection::Alg2)),
-        ("Algorithm 3: random rows and columns", Some(Selection::Alg3)),
-        ("Algorithm 4: rows and columns by k-means in turn", Some(Selection::Alg4)),
-        ("Other methods", None),
-    ] {
+    for (title, selection) in TABLES {
         let of_table = answers.iter().filter(|(method, _)| selection_of(*method) == selection);
         text += &table(title, selection, &measured, &of_table.collect::<Vec<_>>());
     }
@@ -54,13 +57,16 @@ fn selection_of(method: Method) -> Option<Selection> {
         Method::Alg2(_) => Some(Selection::Alg2),
         Method::Alg3(_) => Some(Selection::Alg3),
         Method::Alg4(_) => Some(Selection::Alg4),
+        Method::Alg4Union(_) => Some(Selection::Alg4Union),
         _ => None,
     }
 }
 
 fn core_of(method: Method) -> Option<Core> {
     match method {
-        Method::Alg1(core) | Method::Alg2(core) | Method::Alg3(core) | Method::Alg4(core) => Some(core),
+        Method::Alg1(core) | Method::Alg2(core) | Method::Alg3(core) | Method::Alg4(core) | Method::Alg4Union(core) => {
+            Some(core)
+        }
         _ => None,
     }
 }
@@ -101,12 +107,13 @@ fn baked_table(measured: &[Measured]) -> String {
          | case | rank | sampled | error | told by the halves | denoised | unpacked | added | bytes |\n\
          |---|---|---|---|---|---|---|---|---|\n"
     );
-    for Measured { case, baked, .. } in measured {
-        let steps = [case.distance(&case.mean()), baked.error, baked.told, baked.denoised, baked.unpacked, baked.added];
+    for Measured { case, stored, .. } in measured {
+        let steps =
+            [case.distance(&case.mean()), stored.error, stored.told, stored.denoised, stored.unpacked, stored.added];
         let [sampled, error, told, denoised, unpacked, added] = steps.map(|x| share(x, case.norm()));
         text += &format!(
             "| {} | {} | {sampled} | {error} | {told} | {denoised} | {unpacked} | {added} | {} |\n",
-            case.name, baked.rank, baked.n_bytes
+            case.name, stored.rank, stored.n_bytes
         );
     }
     text
@@ -159,14 +166,14 @@ fn refusals() -> String {
             both.iter().all(|answer| answer.as_ref().is_err_and(|error| matches!(refusal(error), Answer::Refused)))
         })
     };
-    let (refusing, others): (Vec<Method>, Vec<Method>) = Method::ALL.into_iter().partition(|method| refused(*method));
+    let (refusing, others): (Vec<Method>, Vec<Method>) = Method::every().partition(|method| refused(*method));
     let ours = odd.iter().map(|(case, _)| ours(case).map_or_else(|error| format!("“{error}”"), |_| "nothing".into()));
     let others: Vec<String> = others.iter().map(Method::to_string).collect();
     format!(
         "\n## Entries that are no numbers\n\n\
          Not a number, infinity and minus infinity, one in a case, are refused by {} of {} methods{}. Of samples ours says:\n\n- {}\n",
         refusing.len(),
-        Method::ALL.len(),
+        Method::every().count(),
         if others.is_empty() { String::new() } else { format!(", not by {}", others.join(", ")) },
         ours.collect::<Vec<_>>().join("\n- "),
     )
@@ -199,4 +206,19 @@ fn table(
         text.push('\n');
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_method_stands_in_one_table_by_its_core_if_it_takes_one() {
+        for method in Method::every() {
+            let selection = selection_of(method);
+            assert_eq!(TABLES.iter().filter(|(_, of_table)| *of_table == selection).count(), 1, "{method}");
+            assert_eq!(selection.is_none(), method.is_by_itself(), "{method}");
+            assert_eq!(core_of(method).is_none(), method.is_by_itself(), "{method}");
+        }
+    }
 }

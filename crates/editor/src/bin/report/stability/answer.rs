@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 use clerestory_nystrom::rivals::{Method, MethodError, Real};
-use clerestory_nystrom::stress::{Baked, Case, FLOOR, Ours, baked, ours, rival};
+use clerestory_nystrom::stress::{Case, FLOOR, Ours, Stored, ours, rival, stored};
 use serde::{Deserialize, Serialize};
 
 /// What a method made of a case.
@@ -27,7 +27,7 @@ pub struct Measured {
     /// What ours made of it.
     pub ours: Ours,
     /// What a bake would.
-    pub baked: Baked,
+    pub stored: Stored,
 }
 
 impl Measured {
@@ -37,8 +37,8 @@ impl Measured {
     /// If ours has no answer.
     pub fn new(case: Case) -> Result<Self> {
         let ours = ours(&case).with_context(|| format!("the case {}", case.name))?;
-        let baked = baked(&case).with_context(|| format!("the case {}", case.name))?;
-        Ok(Self { optimum: case.optimum(), case, ours, baked })
+        let stored = stored(&case).with_context(|| format!("the case {}", case.name))?;
+        Ok(Self { optimum: case.optimum(), case, ours, stored })
     }
 
     /// An error as the tables tell it.

@@ -109,6 +109,13 @@ impl Subject {
         Subject { truth, halves, spectrum }
     }
 
+    /// The mean of what is compressed.
+    pub fn sampled(&self) -> Picture {
+        let [a, b] = self.halves.as_ref().map_or([&self.truth; 2], |halves| halves.each_ref());
+        let values = a.values.iter().zip(&b.values).map(|(a, b)| 0.5 * (a + b)).collect();
+        Picture { values, ..self.truth }
+    }
+
     /// Compresses to a tolerance, packs, and reads what was packed.
     ///
     /// # Errors
@@ -302,6 +309,15 @@ impl Picture {
 mod tests {
     use super::*;
     use crate::targets::soft;
+
+    #[test]
+    fn what_is_sampled_is_the_mean_of_both_halves_in_the_scale_of_the_truth() {
+        let picture = |value: f32| Picture { width: 16, height: 16, n_cols: 2, values: vec![value; 16 * 16 * 3 * 2] };
+        let subject = Subject::new(picture(4.0), Some([picture(2.0), picture(8.0)]));
+        assert!(subject.truth.values.iter().all(|&x| x == 1.0));
+        assert!(subject.sampled().values.iter().all(|&x| x == 1.25));
+        assert!(Subject::new(picture(4.0), None).sampled().values.iter().all(|&x| x == 1.0));
+    }
 
     #[test]
     fn factors_in_single_precision_are_twice_as_many_bytes_and_nearer_to_the_truth() {

@@ -39,6 +39,12 @@ impl Judged {
         Judged::of_errors([&errors, &errors], &found.partition, told)
     }
 
+    /// Of samples as they are, of which nobody tells an error.
+    pub fn of_samples(truth: &Picture, mut entries: Picture) -> Judged {
+        entries.values.iter_mut().zip(&truth.values).for_each(|(entry, x)| *entry = x - *entry);
+        Judged::of_errors([&entries, &entries], &truth.partition(), Vec::new())
+    }
+
     /// Of the differences to two truths whose noise is their own, which does not count, and what blocks tell of their errors; a truth
     /// without noise is given twice.
     pub fn of_errors([a, b]: [&Picture; 2], partition: &Partition, told: Vec<f64>) -> Judged {
@@ -64,6 +70,11 @@ impl Judged {
     /// Error of the worst block in dB.
     pub fn worst_db(&self) -> f64 {
         decibels(self.blocks.iter().copied().fold(0.0, f64::max))
+    }
+
+    /// Blocks that are farther from the truth than they are in another.
+    pub fn n_farther(&self, than: &Judged) -> usize {
+        self.blocks.iter().zip(&than.blocks).filter(|(own, other)| own > other).count()
     }
 
     /// Share of the blocks whose error is told to between 0.8 and 1.25 of it, of those of which it is known.
@@ -212,6 +223,21 @@ mod tests {
             values: (0..32 * 16 * 3).map(|i| sign * (i / 3 % 32) as f32).collect(),
         });
         assert!(seams([&a, &b]).is_nan(), "all steps are less than nothing: {}", seams([&a, &b]));
+    }
+
+    #[test]
+    fn a_block_that_is_farther_from_the_truth_than_its_samples_is_counted() {
+        let picture = |value: fn(usize) -> f32| Picture {
+            width: 32,
+            height: 16,
+            n_cols: 1,
+            values: (0..32 * 16 * 3).map(|i| value(i / 3 % 32)).collect(),
+        };
+        let truth = picture(|_| 1.0);
+        let judged = |value: fn(usize) -> f32| Judged::of_samples(&truth, picture(value));
+        let (even, left) = (judged(|_| 1.5), judged(|x| if x < 16 { 1.75 } else { 1.25 }));
+        assert_eq!((even.mean_square(), left.mean_square()), (0.25, 0.3125));
+        assert_eq!((left.n_farther(&even), even.n_farther(&left), even.n_farther(&even)), (1, 1, 0));
     }
 
     #[test]

@@ -24,7 +24,7 @@ const STRONG: f64 = 2.0;
 
 /// What becomes of a case, step by step. All are distances from the truth if nothing else is said.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Baked {
+pub struct Stored {
     /// What is asked for.
     pub asked: f64,
     /// Components of the factors.
@@ -46,7 +46,7 @@ pub struct Baked {
 /// Why a case does not get to its end.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum BakedError {
+pub enum StoredError {
     /// It is not compressed.
     #[error(transparent)]
     Compress(#[from] CompressError),
@@ -73,7 +73,7 @@ impl Likeness for AllAlike {
 ///
 /// # Errors
 /// Samples that are not finite; bytes that do not come back.
-pub fn baked(case: &Case) -> Result<Baked, BakedError> {
+pub fn stored(case: &Case) -> Result<Stored, StoredError> {
     let (case, unit) = &scaled(case);
     let (n_cols, entries) = (case.truth.ncols(), case.truth.len() as f64);
     let bundle_len = case.bundle_len as u32;
@@ -113,7 +113,7 @@ pub fn baked(case: &Case) -> Result<Baked, BakedError> {
     let root = |mean_square: f32| (f64::from(mean_square).max(0.0) * entries).sqrt() * unit;
     let [error, of_denoised, of_unpacked] =
         [&sampled, &denoised, &unpacked].map(|matrix| distance(case, matrix) * unit);
-    Ok(Baked {
+    Ok(Stored {
         asked: asked * unit,
         rank: sampled.max_rank(),
         error,
