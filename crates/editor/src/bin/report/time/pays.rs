@@ -110,7 +110,8 @@ mod tests {
             point(Way::Renders, 32.0, both(40.0)),
         ];
         let (film, path) = (Film { width: 4, height: 3 }, PathBuf::new());
-        let subject = Subject { name: "hall", path, sky: None, film, step: 1, reference_spp: 64, n_seeds: 3 };
+        let subject =
+            Subject { name: "hall", path, sky: None, panel: None, film, step: 1, reference_spp: 64, n_seeds: 3 };
         let scenes = [(subject, Measured { n_cols: 8, points, ends: [None; 3] })];
         let told = table(&scenes, ", in a test");
         assert!(told.starts_with("\n### Where a bake pays for itself, in a test\n"), "{told}");
