@@ -15,12 +15,12 @@ use serde::{Deserialize, Serialize};
 
 use super::desk::Desk;
 use super::errors::decibels;
-use super::fit::spread;
+use super::fit::{listed, median, spread, tenths, wholes};
 use super::methods::dense::{CHANNELS, Picture, squared_error};
 use super::methods::{methods, own};
 use super::plot::{Axis, Panel, Scale, Series};
 use super::reference::Sampling;
-use super::targets::coded::{Subject, single_threaded};
+use super::targets::coded::{Coded, Coding, Subject, single_threaded};
 use super::targets::judged;
 use standing::Measure;
 
@@ -31,6 +31,8 @@ const BYTES: f64 = 2.0;
 /// Times that each product is measured, all of a matrix in turn; the shortest counts.
 const TURNS: usize = 5;
 const SEED: u64 = 1;
+/// What methods that draw at random are repeated with, on the same matrix.
+const SEEDS: &[u64] = &[SEED, 2, 3];
 const OURS: &str = "ours, packed";
 /// Rivals that are packed as ours is, too, with a rank for each block, and what they are asked for in dB.
 const PACKED: [Method; 6] = [
@@ -51,11 +53,29 @@ struct Point {
     name: String,
     /// Its rank or tolerance in words.
     at: String,
+    /// The median over its seeds, as that of dB.
     bytes: f64,
-    /// The shortest time, and the longest.
+    /// The shortest time with the first seed, and the longest.
     millis: f64,
     most_millis: f64,
     db: f64,
+    /// Bytes and dB with each seed.
+    of_seeds: Vec<[f64; 2]>,
+}
+
+impl Point {
+    /// Without the times, which are measured later.
+    fn new(name: String, at: String, of_seeds: Vec<[f64; 2]>) -> Point {
+        let point =
+            Point { name, at, bytes: f64::NAN, millis: f64::NAN, most_millis: f64::NAN, db: f64::NAN, of_seeds };
+        let [bytes, db] = [0, 1].map(|which| median(&point.all(which)).unwrap_or(f64::NAN));
+        Point { bytes, db, ..point }
+    }
+
+    /// Bytes of all seeds, or their dB.
+    fn all(&self, which: usize) -> Vec<f64> {
+        self.of_seeds.iter().map(|figures| figures[which]).collect()
+    }
 }
 
 /// A cost that is told.
@@ -77,7 +97,7 @@ const COSTS: [Cost; 2] = [
         file: "fronts-bytes",
         measure: (|point| point.bytes, |_, _| false),
         by: "",
-        words: |point| format!("{:.0}", point.bytes),
+        words: |point| told(point.all(0), wholes),
     },
     Cost {
         title: "time to relight",
@@ -104,11 +124,17 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## What nobody beats\n\n\
          Every method of the section Methods, block by block of 16 × 16 pixels at ranks {}, two bytes for each number that it stores; and ours as a file has\n\
          it, asked for {} dB, all bytes counted, with a rank for each block. So that methods are compared and not formats alone, some rivals are packed like ours, too (\"packed\"), asked for the same. The error is that of single texels, as in Methods. The time is that of our relighter on one\n\
-         thread with the factors of each method, all lights new, least…greatest of {TURNS} rounds over all methods and ranks, of which the least counts; methods whose entries are no product of factors make all entries anew for each picture. The matrix of `diffuse.glb` is of {} × {} pixels, {spp} samples per pixel and half. Single precision, seed {SEED}. {}\n",
+         thread with the factors of each method, all lights new, least…greatest of {TURNS} rounds over all methods and ranks, of which the least counts; methods whose entries are no product of factors make all entries anew for each picture. The matrix of `diffuse.glb` is of {} × {} pixels, {spp} samples per pixel and half, sampled with seed {SEED} alone.\n\
+         Methods that draw at random have {}; the time is that of the first. One seed is enough for {}: they draw nothing, and make the same of the same matrix. Single precision. {}\n",
         RANKS.map(|rank| rank.to_string()).join(", "),
         TOLERANCES_DB.map(|db| db.to_string()).join(", "),
         film.width,
         film.height,
+        desk.choose(
+            format!("seed {SEED}"),
+            format!("the seeds {}, of which bytes and dB are median (least…greatest) where they differ", listed(SEEDS))
+        ),
+        without_chance(desk),
         desk.load_words(),
     );
     for Cost { title, label, file, measure, by, words } in COSTS {
@@ -122,12 +148,36 @@ pub fn write(desk: &Desk) -> Result<String> {
         );
         for (name, points) in &found {
             for point in front(points, cost) {
-                let Point { name: method, at, db, .. } = point;
-                text += &format!("| {name} | `{method}` | {at} | {} | {db:.1} |\n", words(point));
+                let Point { name: method, at, .. } = point;
+                text +=
+                    &format!("| {name} | `{method}` | {at} | {} | {} |\n", words(point), told(point.all(1), tenths));
             }
         }
     }
     Ok(text)
+}
+
+/// Whether chance has a part in a method.
+fn draws(method: Method) -> bool {
+    !matches!(method, Method::Svd | Method::RowId | Method::DeimCur | Method::AcaFull)
+}
+
+/// What a method is repeated with; nothing where it makes the same of the same matrix.
+fn seeds(desk: &Desk, method: Method) -> &'static [u64] {
+    &SEEDS[..if draws(method) { desk.choose(1, SEEDS.len()) } else { 1 }]
+}
+
+/// The names of methods in which chance has no part.
+fn without_chance(desk: &Desk) -> String {
+    let names = methods(desk).into_iter().filter(|method| !draws(*method)).map(|method| format!("`{method}`"));
+    names.collect::<Vec<_>>().join(", ")
+}
+
+/// Median (least…greatest), or one figure where all of them are told alike.
+fn told(values: Vec<f64>, words: fn(Vec<f64>) -> String) -> String {
+    let first = words(values.iter().take(1).copied().collect());
+    let differ = values.iter().any(|value| words(vec![*value]) != first);
+    if differ { words(values) } else { first }
 }
 
 /// Converged matrices, and one of ours.
@@ -157,26 +207,23 @@ fn measured(desk: &Desk, name: &str, picture: Picture) -> Result<Vec<Point>> {
         desk.say(&format!("{method} on {name}"));
         for rank in RANKS {
             // What has no answer is no point.
-            runners.extend(runner(method, (&picture, &blocks), rank, peak)?);
+            runners.extend(runner((method, seeds(desk, method)), (&picture, &blocks), rank, peak)?);
         }
     }
     let subject = Subject::new(picture, None);
     let mut pack = |method: Method, name: String, tolerance: f64| -> Result<()> {
-        let coded = match subject.coded(method, tolerance) {
+        let with_seed = |&seed: &u64| subject.coded_as(Coding { method, seed, ..Coding::default() }, tolerance);
+        let coded = match seeds(desk, method).iter().map(with_seed).collect::<Result<Vec<Coded>>>() {
             Ok(coded) => coded,
             Err(error) if method == Method::Projected => return Err(error),
             // What has no answer is no point.
             Err(_) => return Ok(()),
         };
-        let point = Point {
-            name,
-            at: format!("{tolerance:.0} dB"),
-            bytes: (4 * subject.truth.values.len()) as f64 / coded.ratio,
-            millis: f64::NAN,
-            most_millis: f64::NAN,
-            db: judged::decibels(coded.judged.mean_square()),
-        };
-        runners.push(Runner::new(point, coded.matrix)?);
+        let dense_bytes = (4 * subject.truth.values.len()) as f64;
+        let figures = |coded: &Coded| [dense_bytes / coded.ratio, judged::decibels(coded.judged.mean_square())];
+        let point = Point::new(name, format!("{tolerance:.0} dB"), coded.iter().map(figures).collect());
+        let first = coded.into_iter().next();
+        runners.extend(first.map(|coded| Runner::new(point, coded.matrix)).transpose()?);
         Ok(())
     };
     desk.say(&format!("ours on {name}, packed"));
@@ -190,27 +237,36 @@ fn measured(desk: &Desk, name: &str, picture: Picture) -> Result<Vec<Point>> {
     raced(runners)
 }
 
-/// A method at a rank; `None` where it has no answer.
+/// A method at a rank; `None` where it has no answer with one of its seeds.
 fn runner(
-    method: Method,
+    (method, seeds): (Method, &[u64]),
     (picture, blocks): (&Picture, &[DMatrix<f32>]),
     rank: usize,
     peak: f64,
 ) -> Result<Option<Runner>> {
+    let (mut first, mut of_seeds) = (None, Vec::new());
+    for &seed in seeds {
+        let found =
+            blocks.par_iter().map(|block| approximate(method, block, rank, seed)).collect::<Result<Vec<_>, _>>();
+        let Ok(found) = found else { return Ok(None) };
+        let (mut n_values, mut squares) = (0.0, 0.0);
+        for (block, found) in blocks.iter().zip(&found) {
+            n_values += found.n_values() as f64;
+            squares += squared_error(block, &found.to_dense());
+        }
+        of_seeds.push([BYTES * n_values, decibels(peak, squares / picture.values.len() as f64)]);
+        first = first.or(Some(found));
+    }
+    let Some(found) = first else { return Ok(None) };
+    let point = Point::new(method.to_string(), format!("rank {rank}"), of_seeds);
+    if !method.has_factors() {
+        return Ok(Some(Runner::anew(point, found)));
+    }
     let mut matrix = BlockLowRank::new(picture.partition(), CHANNELS as u32, picture.n_cols as u32);
-    let found = blocks.par_iter().map(|block| approximate(method, block, rank, SEED)).collect::<Result<Vec<_>, _>>();
-    let Ok(found) = found else { return Ok(None) };
-    let (mut n_values, mut squares) = (0.0, 0.0);
-    for ((block, found), factors) in blocks.iter().zip(&found).zip(&mut matrix.blocks) {
-        n_values += found.n_values() as f64;
-        squares += squared_error(block, &found.to_dense());
+    for (found, factors) in found.iter().zip(&mut matrix.blocks) {
         *factors = found.factors().map(|(left, right)| Arc::new(block_factors(left, right)));
     }
-    let (name, db) = (method.to_string(), decibels(peak, squares / picture.values.len() as f64));
-    let bytes = BYTES * n_values;
-    let point = Point { name, at: format!("rank {rank}"), bytes, millis: f64::NAN, most_millis: f64::NAN, db };
-    let runner = if method.has_factors() { Runner::new(point, matrix)? } else { Runner::anew(point, found) };
-    Ok(Some(runner))
+    Ok(Some(Runner::new(point, matrix)?))
 }
 
 /// A point whose time is still to be measured.
@@ -336,15 +392,31 @@ mod tests {
     }
 
     #[test]
+    fn methods_that_draw_nothing_make_the_same_with_every_seed() {
+        let matrix = DMatrix::<f32>::from_fn(40, 30, |i, j| 1.0 / (1 + i + j) as f32 + ((7 * i + 11 * j) % 13) as f32);
+        let made = |method, seed| approximate(method, &matrix, 6, seed).unwrap().to_dense();
+        let drawn: Vec<Method> = Method::ALL.into_iter().filter(|method| draws(*method)).collect();
+        for method in Method::ALL.into_iter().filter(|method| !drawn.contains(method)) {
+            assert_eq!(made(method, SEEDS[0]), made(method, SEEDS[1]), "{method}");
+        }
+        assert!(drawn.contains(&Method::Projected) && drawn.len() + 4 == Method::ALL.len(), "{drawn:?}");
+        let differ = |method| made(method, SEEDS[0]) != made(method, SEEDS[1]);
+        assert!(differ(Method::GeneralizedNystrom), "two sketches of normal numbers are not the same");
+    }
+
+    #[test]
+    fn seeds_of_a_point_are_told_by_their_middle_and_ends_where_they_differ() {
+        let of_seeds = vec![[1200.0, 30.02], [1100.0, 30.04], [1150.0, 29.96]];
+        let point = Point::new("m".into(), "rank 2".into(), of_seeds);
+        assert_eq!((point.bytes, point.db), (1150.0, 30.02));
+        assert_eq!((COSTS[0].words)(&point), "1150 (1100…1200)");
+        assert_eq!(told(point.all(1), tenths), "30.0");
+        assert_eq!(told(vec![29.9, 30.0, 31.0], tenths), "30.0 (29.9…31.0)");
+    }
+
+    #[test]
     fn only_what_is_better_than_all_that_is_cheaper_is_in_front() {
-        let point = |bytes: f64, db: f64| Point {
-            name: "m".into(),
-            at: String::new(),
-            bytes,
-            millis: 0.0,
-            most_millis: 0.0,
-            db,
-        };
+        let point = |bytes: f64, db: f64| Point::new("m".into(), String::new(), vec![[bytes, db]]);
         let points = [
             point(4.0, 30.0),
             point(1.0, 10.0),

@@ -8,6 +8,7 @@ mod table;
 use anyhow::{Result, ensure};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
+use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::prepared::PreparedScene;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -41,14 +42,30 @@ const EVENLY_LIT: [Own; 2] = [("gallery", runs::REFERENCE_SPP), ("diffuse", runs
 const BY_MIRRORS: [Own; 2] = [("reflections", 512), ("caustics", 1024)];
 const ALL_SURFACES: [Own; 1] = [("mixed", 1024)];
 
-/// A scene that lies elsewhere: its name, its file, and the map of its sky.
-type Elsewhere = (&'static str, &'static str, Option<&'static str>);
+/// What a scene is given that its file has not.
+#[derive(Clone, Copy)]
+enum Given {
+    Nothing,
+    /// A lamp is divided into texels, so that spots can be set on it.
+    Panel(&'static str),
+    /// The map of its sky.
+    Sky(&'static str),
+}
 
-const REAL: [Elsewhere; 2] =
-    [("conference", "scenes/conference.glb", None), ("staircase2", "scenes/bitterli-staircase2.glb", None)];
+/// A scene that lies elsewhere: its name and its file.
+type Elsewhere = (&'static str, &'static str, Given);
+
+/// One lamp in the middle of the first is divided. Each further panel takes some minutes of renders of its spots, and no section takes more
+/// than half an hour.
+const REAL: [Elsewhere; 2] = [
+    ("conference", "scenes/conference.glb", Given::Panel("light_07")),
+    ("staircase2", "scenes/bitterli-staircase2.glb", Given::Nothing),
+];
+/// Texels along a side of it, the fewest that a panel may have.
+const TEXELS: u32 = 4;
 /// It takes longer than the others together, and no section takes more than half an hour.
 const UNDER_A_SKY: [Elsewhere; 1] =
-    [("living-room", "scenes/bitterli-living-room.glb", Some("env/bitterli-living-room-sky19.exr"))];
+    [("living-room", "scenes/bitterli-living-room.glb", Given::Sky("env/bitterli-living-room-sky19.exr"))];
 
 /// Errors that times are told for, in dB.
 const TARGETS_DB: [f64; 2] = [30.0, 35.0];
@@ -58,6 +75,8 @@ pub(super) struct Subject {
     pub(super) name: &'static str,
     path: PathBuf,
     sky: Option<PathBuf>,
+    /// The lamp that is divided into [`TEXELS`], which its file does not ask for.
+    panel: Option<&'static str>,
     pub(super) film: Film,
     /// Of its pixels across and down, every so manyth is compared.
     pub(super) step: u32,
@@ -215,11 +234,31 @@ fn measured(desk: &Desk, (section, of): (&str, &str), subjects: Vec<Subject>) ->
     if !missing.is_empty() {
         text += &format!("\nThe scenes of this section have no {}.\n", missing.join(" and no "));
     }
+    text += &scenes.iter().map(|(subject, measured)| of_panel(subject, measured)).collect::<String>();
     text += &ends(&scenes, |subject| runs::reference_spp(desk, subject), of);
     text += &repeats(&scenes, of);
     text += &beside_samples(scenes.iter().map(|(subject, measured)| (subject.name, measured)));
     text += &pays::table(&scenes, of);
     Ok(text)
+}
+
+/// Which lamp of a scene was divided, or why there are no spots in it; nothing where its file has a panel.
+fn of_panel(subject: &Subject, measured: &Measured) -> String {
+    let Subject { name, panel, sky, .. } = subject;
+    match (panel, sky, measured.ends[1]) {
+        (Some(lamp), ..) => format!(
+            "\nThe lamp `{lamp}` of `{name}` is divided into {TEXELS} × {TEXELS} texels here, so that spots can be set on it, which its file does not ask for; each texel is a single light, as each of its other lamps.\n"
+        ),
+        (None, Some(_), None) => {
+            format!(
+                "\nNo spots can be set in `{name}`: it is lit by its sky alone, and no surface of it shines that could be a panel.\n"
+            )
+        }
+        (None, None, None) => {
+            format!("\nThere are no spots in `{name}`: none of its lamps is a panel, as its file has them.\n")
+        }
+        (None, _, Some(_)) => String::new(),
+    }
 }
 
 /// What is measured, and how; told once.
@@ -256,7 +295,7 @@ fn own(desk: &Desk, scenes: &'static [Own]) -> Vec<Subject> {
     let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 160, height: 120 }, 2));
     let own = scenes[desk.choose(scenes.len() - 1, 0)..].iter().map(|&(name, reference_spp)| {
         let path = desk.root.join(format!("assets/scenes/{name}.glb"));
-        Subject { name, path, sky: None, film, step, reference_spp, n_seeds: runs::SEEDS.len() }
+        Subject { name, path, sky: None, panel: None, film, step, reference_spp, n_seeds: runs::SEEDS.len() }
     });
     own.collect()
 }
@@ -264,12 +303,16 @@ fn own(desk: &Desk, scenes: &'static [Own]) -> Vec<Subject> {
 /// Those of some real scenes that are at hand; in a hurry no more than the first.
 fn others(desk: &Desk, scenes: &'static [Elsewhere]) -> Vec<Subject> {
     let (film, step) = desk.choose((Film { width: 96, height: 72 }, 1), (Film { width: 512, height: 384 }, 4));
-    let real = scenes[..desk.choose(1, scenes.len())].iter().filter_map(|(name, path, sky)| {
+    let real = scenes[..desk.choose(1, scenes.len())].iter().filter_map(|&(name, path, given)| {
+        let (path, reference_spp) = (desk.shared(path)?, runs::REFERENCE_SPP);
+        let (sky, panel) = match given {
+            Given::Nothing => (None, None),
+            Given::Panel(lamp) => (None, Some(lamp)),
+            Given::Sky(map) => (Some(desk.shared(map)?), None),
+        };
         // Under a sky bakes of few samples take as long as others of many.
         let n_seeds = runs::SEEDS.len() - usize::from(sky.is_some());
-        let sky = sky.map(|sky| desk.shared(sky));
-        let (path, sky) = (desk.shared(path)?, sky.map_or(Some(None), |sky| sky.map(Some))?);
-        Some(Subject { name, path, sky, film, step, reference_spp: runs::REFERENCE_SPP, n_seeds })
+        Some(Subject { name, path, sky, panel, film, step, reference_spp, n_seeds })
     });
     real.collect()
 }
@@ -277,7 +320,9 @@ fn others(desk: &Desk, scenes: &'static [Elsewhere]) -> Vec<Subject> {
 /// Loads a scene and makes it ready for rays.
 pub(super) fn prepared(subject: &Subject) -> Result<Arc<PreparedScene>> {
     let sky = subject.sky.as_deref().map(|map| (subject.name, map));
-    Ok(Arc::new(scenes::prepared(&subject.path, sky)?))
+    let request = |lamp: &str| PanelRequest { node: lamp.into(), resolution: TEXELS };
+    let panel = subject.panel.map(request);
+    Ok(Arc::new(scenes::with_panels(&subject.path, panel.as_slice(), sky)?))
 }
 
 fn panel(subject: &Subject, measured: &Measured, class: usize) -> Panel {
@@ -364,11 +409,32 @@ mod tests {
 
     pub(super) fn subject(name: &'static str) -> Subject {
         let film = Film { width: 4, height: 3 };
-        Subject { name, path: PathBuf::new(), sky: None, film, step: 1, reference_spp: 64, n_seeds: 3 }
+        Subject { name, path: PathBuf::new(), sky: None, panel: None, film, step: 1, reference_spp: 64, n_seeds: 3 }
     }
 
     pub(super) fn point(way: Way, cpu_secs: f64, db: f64) -> Point {
         Point { way, seed: 1, spp: Some(4), cpu_secs, db: [None, None, Some(db)] }
+    }
+
+    #[test]
+    fn a_lamp_that_is_divided_has_a_column_for_each_texel() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/scenes/diffuse.glb");
+        let as_in_file = prepared(&Subject { path: path.clone(), ..subject("diffuse") }).unwrap();
+        let key = as_in_file.lighting.basis.sources[0].key.clone();
+        assert_eq!(key, "panel");
+        let divided = prepared(&Subject { path, panel: Some("panel"), ..subject("diffuse") }).unwrap();
+        assert_eq!([&as_in_file, &divided].map(|scene| scene.lighting.basis.n_cols()), [256, 16]);
+    }
+
+    #[test]
+    fn a_scene_without_spots_says_why() {
+        let measured = |spots: Option<f64>| Measured { n_cols: 1, points: Vec::new(), ends: [None, spots, None] };
+        assert_eq!(of_panel(&subject("hall"), &measured(Some(40.0))), "");
+        let told = of_panel(&Subject { panel: Some("lamp"), ..subject("hall") }, &measured(Some(40.0)));
+        assert!(told.starts_with("\nThe lamp `lamp` of `hall` is divided into 4 × 4 texels here"), "{told}");
+        let told = of_panel(&Subject { sky: Some(PathBuf::new()), ..subject("hall") }, &measured(None));
+        assert!(told.contains("lit by its sky alone"), "{told}");
+        assert!(of_panel(&subject("hall"), &measured(None)).contains("none of its lamps is a panel"));
     }
 
     #[test]

@@ -97,7 +97,8 @@ mod tests {
     use super::*;
 
     fn point(name: &str, at: &str, [bytes, db]: [f64; 2]) -> Point {
-        Point { name: name.into(), at: at.into(), bytes, millis: bytes, most_millis: 1.1 * bytes, db }
+        let point = Point::new(name.into(), at.into(), vec![[bytes, db]]);
+        Point { millis: bytes, most_millis: 1.1 * bytes, ..point }
     }
 
     #[test]

@@ -75,8 +75,15 @@ fn row(n_threads: usize, alone: &[[f64; 2]], many: &[[f64; 2]]) -> String {
 /// Seconds of a bake and of the loop, by number of threads and turn.
 fn measured(desk: &Desk, counts: &[usize], turns: usize) -> Result<Vec<Vec<[f64; 2]>>> {
     let film = desk.choose(Film { width: 64, height: 48 }, Film { width: 320, height: 240 });
-    let bench =
-        Bench { triangles: 100_000, side: 8, size: [film.width, film.height], spp: 8, bounces: None, threads: None };
+    let bench = Bench {
+        triangles: 100_000,
+        side: 8,
+        size: [film.width, film.height],
+        spp: 8,
+        bounces: None,
+        threads: None,
+        seed: 1,
+    };
     let scene = room::prepared(bench.triangles, bench.side)?;
     let rays = scattered(&scene, film);
     let passes = desk.choose(4, 40);

@@ -1,9 +1,10 @@
 //! PSNR against the number of rows and columns that a method may choose.
 
 use anyhow::Result;
+use clerestory_nystrom::rivals::Method;
 
 use super::lights::psnr_db;
-use super::{METHODS, Repeats, SCENES, SEED, approximated, middle, repeated, sampling, told};
+use super::{METHODS, RCOND, Repeats, SCENES, SEED, approximated, middle, repeated, sampling, told};
 use crate::desk::Desk;
 use crate::errors::decibels;
 use crate::methods::own;
@@ -53,12 +54,13 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "\n### Columns\n\n\
          PSNR in dB against the full matrix, {} × {} pixels × 256 texels of {} samples per pixel, in blocks of 16 × 16 pixels; as many rows as\n\
-         columns, or components of `svd` and of ours (`{}`). The matrix of each scene lies so many dB of single texels above its own noise, which has\n\
+         columns, or components of `svd` and of ours (`{}`). Between rows and columns Algorithms 1 to 4 have the pseudo-inverse of their intersection, as Nyström's method has it, without singular values up to {RCOND} of the\n\
+         largest. Other cores suit them better: Algorithm 4 stands with the projection onto its rows, too, and the section [Methods](#methods) has every algorithm with every core. The matrix of each scene lies so many dB of single texels above its own noise, which has\n\
          full rank: what a method leaves out beyond that may be noise.\n{}\n| scene | above noise | method | {} |\n|---|---|---|{}\n{rows}",
         film.width,
         film.height,
         2 * spp,
-        METHODS[6],
+        Method::Projected,
         desk.plot("paper-columns", "PSNR against the number of columns, by scene", &panels)?,
         RANKS.map(|rank| rank.to_string()).join(" | "),
         "---|".repeat(RANKS.len()),

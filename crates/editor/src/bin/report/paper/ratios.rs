@@ -73,12 +73,13 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
          `diffuse`, {} × {} pixels under a panel of {finest} × {finest} texels of {} samples per pixel; coarser panels are its texels summed. Ratio of\n\
          the dense matrix in single precision to the bytes, and PSNR in dB against it: ours asked for {} dB of single texels and packed as a file has it;\n\
          principal components (`svd`) with a rank for each block for the same tolerances, packed alike but for dark blocks, which ours holds to less; then at ranks {}, as Nyström's method after a transform\n\
-         (`kernel`), two bytes for each number.\n{}\n\
+         (`kernel`), two bytes for each number. `kernel` has the seeds that are told above on the same samples; all else has one, as `svd` draws nothing and ours is compressed with one. Of the four scenes of the table Columns this is the easiest,\n\
+         so that the others are compressed less than it says.\n{}\n\
          | texels | method |{}\n|---|---|{}\n{rows}\n\
          ### Rank against texels\n\n\
          Mean rank of blocks of 16 × 16 pixels for {RANK_DB} dB of single texels, the least there is and that of ours. First of a matrix without noise: the floor, wall\n\
          and balls of the section Targets, and the least without the balls, which throw all of its shadows. Then of `diffuse` as sampled: the least for the mean of both halves, whose noise counts as something to be kept, and\n\
-         ours, which is told both halves and keeps what they agree about.\n\n\
+         ours, which is told both halves and keeps what they agree about. As sampled it is the easiest of the four scenes alone; all ranks have one seed, of the samples and of what ours draws.\n\n\
          | texels | without noise: least | ours | without shadows: least | `diffuse`: least | ours |\n|---|---|---|---|---|---|\n{ranks}\n{}{}\n",
         film.width,
         film.height,

@@ -1,5 +1,7 @@
 //! Real bakes of the scenes of the method's evaluation, and one of as many columns as a panel may have.
 
+mod beside;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
@@ -44,6 +46,8 @@ const SUBJECTS: [Subject; 6] = [
 const SEEDS: [&str; 3] = ["0", "1", "2"];
 const REPEATED_SPP: &str = "4";
 const REPEATED_SIDE: u32 = 16;
+/// No block is aimed to be worse than what is asked for by more than so many dB.
+const WORST_BELOW_DB: f64 = 4.0;
 
 /// What a bake told.
 #[derive(Serialize, Deserialize)]
@@ -73,6 +77,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         all.push((subject, desk.part("target-bakes", &part, || subject.baked(desk, &path, &size, how))?));
     }
     let repeats = repeats(desk, &size)?;
+    let beside = beside(desk)?;
     let of_kinds = all.iter().filter(|(subject, _)| matches!(subject.aim, Aim::OfKinds));
     let least = of_kinds.map(|(_, baked)| baked.ratio).fold(f64::INFINITY, f64::min);
     let rows: String = all.iter().map(|(subject, baked)| subject.row(subject.spp(desk), baked, least)).collect();
@@ -81,13 +86,13 @@ pub fn write(desk: &Desk) -> Result<String> {
          Whole bakes of {} pixels from the command line, with the light between surfaces traced and the panel divided into so many\n\
          columns. Blocks stop once they are exact enough, at the latest after the samples that are given: where these do not suffice, the error says so, and the ratio\n\
          is that of what was reached, and its aim is not tested here, but on blocks with as many samples as two cores take in some minutes (section Targets, ratios at 40 dB). Errors as the bake tells them, from what two halves of the samples agree about: truncation / sampling / total, and the total of its worst\n\
-         block. Seconds by the clock; each row is one bake, of seed {}; how far seeds lie apart is told below. A picture of each light by itself, in 32-bit floats as other renderers write them, is the dense matrix: {:.0} MB for 64 lights. {}\n\n\
+         block, which is aimed at no more than {WORST_BELOW_DB} dB below what was asked for, whether the samples suffice or not. Seconds by the clock; each row is one bake, of seed {}; how far seeds lie apart is told below. A picture of each light by itself, in 32-bit floats as other renderers write them, is the dense matrix: {:.0} MB for 64 lights. {}\n\n\
          | scene | columns | asked for | samples | rank mean / max | MB | dense / file | aimed at | error dB | worst block, dB | s |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n{rows}\n\
          ### Bakes with other seeds\n\n\
          The same bakes of {} columns with {REPEATED_SPP} samples per pixel at most, median (least…greatest) of the seeds {}. Errors in dB as these bakes tell them: in all, and of the worst block.\n\n\
          | scene | mean rank | dense / file | error dB | worst block, dB | s |\n\
-         |---|---|---|---|---|---|\n{repeats}",
+         |---|---|---|---|---|---|\n{repeats}{beside}",
         size.replace('x', " × "),
         SEEDS[0],
         64.0 * 12e-6 * f64::from(width) * f64::from(height),
@@ -95,6 +100,24 @@ pub fn write(desk: &Desk) -> Result<String> {
         REPEATED_SIDE * REPEATED_SIDE,
         SEEDS.join(", "),
     ))
+}
+
+/// All methods on blocks of the scenes whose ratio is as small as it gets, each scene a part as well.
+fn beside(desk: &Desk) -> Result<String> {
+    let mut text = String::new();
+    for subject in SUBJECTS.iter().filter(|subject| matches!(subject.aim, Aim::Open)) {
+        let Some(path) = subject.path(desk) else { continue };
+        let Subject { scene, side, tolerance_db, .. } = *subject;
+        let measure = || beside::measured(desk, (scene, &path), (side, tolerance_db));
+        let found = desk.part("target-bakes", &format!("{scene}, all methods"), measure)?;
+        text += &found.text(scene, tolerance_db);
+    }
+    Ok(text)
+}
+
+/// The error of the worst block, and whether it keeps what is aimed at.
+fn worst_words(worst_db: f64, tolerance_db: f64) -> String {
+    format!("{worst_db:.1}, {}", Goal::Least(tolerance_db - WORST_BELOW_DB).word(worst_db))
 }
 
 /// A table of the bakes with few samples, each a part as well.
@@ -123,14 +146,14 @@ impl Subject {
         let Subject { scene, tolerance_db, .. } = self;
         let [truncation, sampling, total] = baked.error_db;
         format!(
-            "| {scene} | {} | {tolerance_db} | {spp} | {:.2} / {:.0} | {:.2} | {:.0}× | {} | {truncation:.1} / {sampling:.1} / {total:.1} | {:.1} | {:.0} |\n",
+            "| {scene} | {} | {tolerance_db} | {spp} | {:.2} / {:.0} | {:.2} | {:.0}× | {} | {truncation:.1} / {sampling:.1} / {total:.1} | {} | {:.0} |\n",
             self.n_cols(),
             baked.mean_rank,
             baked.max_rank,
             baked.file_bytes / 1e6,
             baked.ratio,
             self.verdict(baked, least),
-            baked.worst_block_db,
+            worst_words(baked.worst_block_db, *tolerance_db),
             baked.secs,
         )
     }
@@ -215,6 +238,9 @@ mod tests {
         assert_eq!(of_kinds.verdict(&baked(900.0, 39.0), 220.0), "≥ 300×, not tested: short of the dB");
         assert_eq!(many.verdict(&baked(1500.0, 40.0), 220.0), "≥ 1500×, kept");
         assert_eq!(open.verdict(&baked(2.0, 9.0), 2.0), "as small as it gets");
+        let row = of_kinds.row("32", &Baked { worst_block_db: 36.0, ..baked(250.0, 40.1) }, 250.0);
+        assert!(row.ends_with(" / 40.1 | 36.0, kept | 10 |\n"), "{row}");
+        assert!(of_kinds.row("32", &baked(250.0, 40.1), 250.0).contains(" | 30.0, missed | "));
         let told = of_kinds.repeated(&[baked(250.0, 40.1), baked(260.0, 39.0), baked(240.0, 40.0)]);
         let words =
             "| diffuse | 4.00 (4.00…4.00) | 250 (240…260)× | 40.0 (39.0…40.1) | 30.0 (30.0…30.0) | 10 (10…10) |\n";

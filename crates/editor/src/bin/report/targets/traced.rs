@@ -6,6 +6,7 @@ mod singular;
 
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, Range};
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -82,8 +83,20 @@ pub fn with_matrix<T>(
     (film, seed): (Film, u64),
     work: impl FnOnce(&TransportMatrix<'_>) -> Result<T>,
 ) -> Result<T> {
-    let path = desk.root.join(format!("assets/scenes/{name}.glb"));
-    let imported = import::load(&path).with_context(|| format!("cannot load the scene {}", path.display()))?;
+    with_matrix_of(&desk.root.join(format!("assets/scenes/{name}.glb")), side, (film, seed), work)
+}
+
+/// The same of a scene that may lie elsewhere.
+///
+/// # Errors
+/// As [`with_matrix`].
+pub fn with_matrix_of<T>(
+    path: &Path,
+    side: u32,
+    (film, seed): (Film, u64),
+    work: impl FnOnce(&TransportMatrix<'_>) -> Result<T>,
+) -> Result<T> {
+    let imported = import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))?;
     let panel = divided(&imported.scene, side)?;
     let scene = PreparedScene::new(imported.scene, &[panel])?.0;
     let new_plan = || MatrixPlan::new(&scene.lighting, Density::Full);
@@ -93,7 +106,8 @@ pub fn with_matrix<T>(
     let plan = new_plan().fitted(&column_scale, &sky_reach, scene.skips);
     let mut matrix = new(&plan);
     matrix.set_column_scale(column_scale);
-    ensure!(matrix.n_cols() == (side * side) as usize, "{name} has other columns than those of a square panel");
+    let is_square = matrix.n_cols() == (side * side) as usize;
+    ensure!(is_square, "{} has other columns than those of a square panel", path.display());
     work(&matrix)
 }
 

@@ -1,5 +1,6 @@
 //! After how many changes of light a bake has cost less than a render of each.
 
+use super::runs::SEEDS;
 use super::{CHAPTERS, CLASSES, Measured, Subject, TARGETS_DB, Way};
 use crate::fit::{secs_between, spread};
 
@@ -13,8 +14,10 @@ pub(super) fn table(scenes: &[(Subject, Measured)], of: &str) -> String {
         "\n### Where a bake pays for itself{of}\n\n\
          Looks after which the bake has cost less CPU time than a render of each at the same error: of looks that are one single light, all\n\
          lights of the file, or a spot on a panel. Relighting itself takes milliseconds (see Relighting) and is not counted. \"≤\" and \">\": one of\n\
-         the two reached the error before the first point that was measured, or would have after the last; \"—\": nothing follows from them.\n\n\
+         the two reached the error before the first point that was measured, or would have after the last; \"—\": nothing follows from them. All of it is\n\
+         of seed {} alone; how far seeds lie apart stands under Repeats.\n\n\
          | looks | scene | dB | {} |\n|---|---|---|{}\n",
+        SEEDS[0],
         BAKES.map(Way::name).join(" | "),
         "---|".repeat(BAKES.len()),
     );
@@ -107,10 +110,12 @@ mod tests {
             point(Way::Renders, 32.0, both(40.0)),
         ];
         let (film, path) = (Film { width: 4, height: 3 }, PathBuf::new());
-        let subject = Subject { name: "hall", path, sky: None, film, step: 1, reference_spp: 64, n_seeds: 3 };
+        let subject =
+            Subject { name: "hall", path, sky: None, panel: None, film, step: 1, reference_spp: 64, n_seeds: 3 };
         let scenes = [(subject, Measured { n_cols: 8, points, ends: [None; 3] })];
         let told = table(&scenes, ", in a test");
         assert!(told.starts_with("\n### Where a bake pays for itself, in a test\n"), "{told}");
+        assert!(told.contains("of seed 1 alone"), "{told}");
         assert!(told.contains("| all lights of the file | hall | 30 | — | 10 | — | — | 20 |"), "{told}");
         assert!(told.contains("| single lights | hall | 30 | — | 4 | — | — | 8 |"), "one of eight lights: {told}");
         assert!(!told.contains("| spots on a panel |"), "the scene has none: {told}");

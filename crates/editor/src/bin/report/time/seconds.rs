@@ -45,8 +45,8 @@ pub fn write(desk: &Desk) -> Result<String> {
     let mut rows = String::new();
     for (name, path) in bench.into_iter().chain([gallery]).take(desk.choose(1, 3)) {
         let Some(path) = path else { continue };
-        let (sky, reference_spp, n_seeds) = (None, REFERENCE_SPP, repeats(desk) as usize);
-        let subject = Subject { name, path, sky, film, step, reference_spp, n_seeds };
+        let (sky, panel, reference_spp, n_seeds) = (None, None, REFERENCE_SPP, repeats(desk) as usize);
+        let subject = Subject { name, path, sky, panel, film, step, reference_spp, n_seeds };
         let clocked: Clocked = desk.part(SECONDS, name, || clock(desk, &subject))?;
         rows += &format!(
             "| {name} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
