@@ -21,7 +21,7 @@ use super::desk::Desk;
 use super::fit::{median, spread};
 use super::goal::Goal;
 use super::lamps::spent::bake;
-use super::lamps::{cases, lamp, place, prepared};
+use super::lamps::{cases, lamp, place};
 
 /// Size of the picture whose steps are timed.
 const STEP: Film = Film { width: 1024, height: 768 };
@@ -66,7 +66,7 @@ pub fn table(desk: &Desk, section: &str, gpu: Option<&Gpu>) -> Result<String> {
     for case in cases(desk) {
         text += &desk.part::<String>(section, &format!("steps-{}", case.name), || {
             desk.say(&format!("steps in {}", case.name));
-            let (scene, camera) = prepared(&case.path, case.sky.as_deref())?;
+            let (scene, camera) = case.prepared()?;
             let scene = Arc::new(scene);
             let config =
                 BakeConfig { spp: SPP, patches: DEFAULT_PATCHES, indirect: Indirect::Shared, ..BakeConfig::default() };

@@ -64,12 +64,24 @@ impl Goals {
         }
     }
 
+    /// Those of other places, too.
+    pub fn add(&mut self, other: &Goals) {
+        self.l2.extend(&other.l2);
+        self.psnr_db.extend(&other.psnr_db);
+        self.exchanged_db.extend(&other.exchanged_db);
+    }
+
+    /// Cells of L2 and of PSNR.
+    pub fn of_light(&self) -> String {
+        let l2 = Goal::Most(0.05).of_many(&self.l2, percent);
+        format!("{l2} | {}", Goal::Least(35.0).of_many(&self.psnr_db, decibels))
+    }
+
     fn row(&self, name: &str, spent: Spent) -> String {
         let ratio = spent.ratio();
         format!(
-            "| {name} | {} | {} | {} | {}: {ratio:.2}× | {:.1} s | {:.1} s | {:.1} s |\n",
-            Goal::Most(0.05).of_many(&self.l2, percent),
-            Goal::Least(35.0).of_many(&self.psnr_db, decibels),
+            "| {name} | {} | {} | {}: {ratio:.2}× | {:.1} s | {:.1} s | {:.1} s |\n",
+            self.of_light(),
             Goal::Least(40.0).of_many(&self.exchanged_db, decibels),
             Goal::Most(1.0).word(ratio),
             spent.lights,
