@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::bake::{Bake, BakeConfig};
 use clerestory_transport::camera::Film;
 use clerestory_transport::lamps::{Lacking, LampShape};
 use clerestory_transport::patches::DEFAULT_PATCHES;
@@ -14,7 +14,7 @@ use super::live::View;
 use super::places::Place;
 use super::spent::bake;
 use super::tables::{Goals, decibels, percent};
-use super::{Case, Change, LUMEN, QUICK, TRACED_SPP, Traced, USUAL, WIDTHS, profile, sun};
+use super::{BAKE_SPP, Case, Change, LUMEN, QUICK, TRACED_SPP, Traced, USUAL, WIDTHS, profile, sun};
 use crate::desk::Desk;
 
 /// Its name.
@@ -23,6 +23,10 @@ pub const NAME: &str = "lamps-more";
 const N_PLACES: usize = 3;
 /// Distance of the places from surfaces: no body reaches into one.
 const CLEAR_M: f32 = 0.35;
+/// The kind of lamp that is looked at with more patches.
+const SPOT: &str = "spot";
+/// Patches and samples per pixel of further bakes, in which spots tell whether patches are too coarse for them.
+const FINER: [[u32; 2]; 2] = [[4 * DEFAULT_PATCHES, BAKE_SPP[0]], [4 * DEFAULT_PATCHES, 2 * BAKE_SPP[0]]];
 
 /// What is told of a scene.
 #[derive(Default, Serialize, Deserialize)]
@@ -33,6 +37,8 @@ struct Told {
     goals: Vec<(String, Goals)>,
     /// Places that drowned.
     n_drowned: usize,
+    /// A row for each bake in which spots are looked at.
+    spots: String,
 }
 
 /// Scenes, and kinds of lamps in each. A point has no caustics in traced pictures either, bodies have.
@@ -58,7 +64,7 @@ fn case(desk: &Desk, name: &'static str, file: &str, change: Option<Change>) -> 
 /// # Errors
 /// A scene that cannot be read, or a bake that fails.
 pub fn write(desk: &Desk) -> Result<String> {
-    let (mut rows, mut goals, mut drowned) = (String::new(), Vec::new(), Vec::new());
+    let (mut rows, mut spots, mut goals, mut drowned) = (String::new(), String::new(), Vec::new(), Vec::new());
     for (case, shapes) in scenes(desk)? {
         let name = case.name;
         desk.say(&format!("lamps of more kinds in {name}"));
@@ -66,6 +72,7 @@ pub fn write(desk: &Desk) -> Result<String> {
             measure(desk, &case, &shapes).with_context(|| format!("cannot move lamps in {name}"))
         })?;
         rows += &told.rows;
+        spots += &told.spots;
         goals.extend(told.goals);
         drowned.push(format!("{} in {name}", told.n_drowned));
     }
@@ -81,7 +88,11 @@ pub fn write(desk: &Desk) -> Result<String> {
          | scene | lamp | onto mirrors and glass | noise | energy | L2 | without worst | PSNR | alone |\n|---|---|---|---|---|---|---|---|---|\n{rows}\n\
          ### Goals of more kinds of lamps\n\n\
          *Kept* where all places keep it, else how many do; and the median.\n\n\
-         | scene | lamp | L2 ≤ 5 % | PSNR ≥ 35 dB |\n|---|---|---|---|\n{}",
+         | scene | lamp | L2 ≤ 5 % | PSNR ≥ 35 dB |\n|---|---|---|---|\n{}\n\
+         ### Spots with more patches\n\n\
+         The spot of the gallery once more, at the same places and against the same pictures. There are about as many columns however many patches: what falls with more patches was their size, what falls with more samples noise of the bake; \
+         what stays is neither. *Held out* is by how much columns differ from patches under lamps that they were not learned from.\n\n\
+         | patches | samples | columns | held out | energy | L2 | without worst | PSNR | alone |\n|---|---|---|---|---|---|---|---|---|\n{spots}",
         drowned.join(", "),
         sun::LUX,
         WIDTHS[0],
@@ -98,9 +109,13 @@ fn measure(desk: &Desk, case: &Case, shapes: &[LampShape]) -> Result<Told> {
     let view = View { scene: &scene, camera: &camera, film, n_samples };
     let moved = Moved { shapes: shapes.to_vec(), n_places, clear_m: CLEAR_M, lamp: sun::to_place };
     let traced = Traced::find(case, view, &moved, Vec::new())?;
+    let baked = |[patches, spp]: [u32; 2]| -> Result<(Bake, Vec<Place>)> {
+        let (bake, _) = bake(&scene, &camera, film, BakeConfig { spp, patches, ..BakeConfig::default() })?;
+        let places = traced.places(&scene, &bake)?;
+        Ok((bake, places))
+    };
     let [patches, spp] = desk.choose(QUICK, USUAL);
-    let (bake, _) = bake(&scene, &camera, film, BakeConfig { spp, patches, ..BakeConfig::default() })?;
-    let places = traced.places(&scene, &bake)?;
+    let (bake, places) = baked([patches, spp])?;
     let mut told = Told { n_drowned: traced.n_drowned, ..Told::default() };
     for kind in shapes.iter().map(LampShape::name) {
         let (lacking, places): (Vec<Lacking>, Vec<Place>) = of_kind(&traced.drawn, &places, kind)
@@ -111,6 +126,16 @@ fn measure(desk: &Desk, case: &Case, shapes: &[LampShape]) -> Result<Told> {
             .unzip();
         told.rows += &row((case.name, kind), &lacking, &places);
         told.goals.push((format!("{} | {kind}", case.name), Goals::of(&places, Vec::new())));
+    }
+    if shapes.iter().any(|shape| shape.name() == SPOT) {
+        let spots = |places: &[Place]| -> Vec<Place> {
+            of_kind(&traced.drawn, places, SPOT).map(|(_, place)| *place).collect()
+        };
+        told.spots = spot_row(&bake, spp, &spots(&places))?;
+        for &[patches, spp] in desk.choose(&FINER[..0], &FINER[..]) {
+            let (bake, places) = baked([patches, spp])?;
+            told.spots += &spot_row(&bake, spp, &spots(&places))?;
+        }
     }
     Ok(told)
 }
@@ -146,6 +171,14 @@ fn figures(places: &[Place]) -> String {
     cells.join(" | ")
 }
 
+/// A row of spots in a bake with some samples per pixel.
+fn spot_row(bake: &Bake, spp: u32, places: &[Place]) -> Result<String> {
+    let patches = bake.header.patches.as_ref().context("no patches")?;
+    let (n_patches, n_columns) = (patches.n_patches(), patches.n_columns());
+    let held_out = percent(patches.held_out_error().into());
+    Ok(format!("| {n_patches} | {spp} | {n_columns} | {held_out} | {} |\n", figures(places)))
+}
+
 /// What is told of all places, one after the other.
 fn cell<T>(places: &[T], of: impl Fn(&T) -> String) -> String {
     let words: Vec<String> = places.iter().map(of).collect();
@@ -162,6 +195,11 @@ fn goal_rows(goals: &[(String, Goals)]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use clerestory::headless::GALLERY;
+    use clerestory_transport::import;
+    use clerestory_transport::patches::MOST_PATCHES;
+    use clerestory_transport::prepared::PreparedScene;
+
     use super::*;
 
     const PLACE: Place = Place {
@@ -182,6 +220,23 @@ mod tests {
             40.0 dB, 40.0 dB | 30.0 dB, 30.0 dB |\n";
         assert_eq!(row(("room", "disk"), &lacking, &[PLACE, Place { energy: 1.0, ..PLACE }]), expected);
         assert_eq!(row(("room", "disk"), &[], &[]), "| room | disk | — | — | — | — | — | — | — |\n");
+    }
+
+    #[test]
+    fn spots_are_looked_at_with_more_patches_at_the_same_places() {
+        let scene = import::load_bytes("gallery.glb", GALLERY).unwrap().scene;
+        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let (camera, film) = (&scene.scene.cameras[0], Film { width: 8, height: 6 });
+        let (bake, _) =
+            bake(&scene, camera, film, BakeConfig { spp: 2, patches: 32, ..BakeConfig::default() }).unwrap();
+        let row = spot_row(&bake, 2, &[PLACE, PLACE]).unwrap();
+        let patches = bake.header.patches.as_ref().unwrap();
+        let start = format!("| {} | 2 | {} | ", patches.n_patches(), patches.n_columns());
+        assert!(row.starts_with(&start), "{row}");
+        assert!(
+            row.ends_with("| 0.875, 0.875 | 20.0 %, 20.0 % | 10.0 %, 10.0 % | 40.0 dB, 40.0 dB | 30.0 dB, 30.0 dB |\n")
+        );
+        assert!(FINER.iter().all(|[patches, _]| *patches <= MOST_PATCHES));
     }
 
     #[test]
