@@ -137,7 +137,12 @@ fn measured(desk: &Desk, (section, of): (&str, &str), cases: Vec<Case>) -> Resul
         let told: Told = desk.part(section, case.name, || measure(desk, &case).with_context(why))?;
         let wide = || timed(desk, &case).with_context(why);
         let spent: Spent = desk.part(section, &format!("{}, timed", case.name), wide)?;
-        goals.push((case.name, told.goals.clone(), spent));
+        let mut of_scene = told.goals.clone();
+        if section == OWN {
+            let added = || twins::added(desk, &case.path).with_context(why);
+            of_scene.exchanged.extend(desk.part(section, "lamps put in", added)?);
+        }
+        goals.push((case.name, of_scene, spent));
         tables.add(&told);
     }
     Ok(tables.page(&goals, of, desk))
@@ -206,13 +211,14 @@ impl Traced {
         Ok(self.drawn.iter().enumerate().map(place).collect())
     }
 
-    /// Lamps of the file exchanged for free ones, dB of each.
-    fn exchanged_db(&self, scene: &PreparedScene, bake: &Bake) -> Result<Vec<f64>> {
+    /// Lamps of the file exchanged for free ones, kind and dB of each.
+    fn exchanged(&self, scene: &PreparedScene, bake: &Bake) -> Result<Vec<(String, f64)>> {
         let first = self.drawn.len();
-        let db = |(nth, twin): (usize, &twins::Twin)| {
-            twin.db(scene, bake, [&self.live[0][first + nth], &self.live[1][first + nth]])
+        let of_twin = |(nth, twin): (usize, &twins::Twin)| {
+            let db = twin.db(scene, bake, [&self.live[0][first + nth], &self.live[1][first + nth]]);
+            db.map(|db| (twin.kind.to_owned(), db))
         };
-        self.twins.iter().enumerate().map(db).collect()
+        self.twins.iter().enumerate().map(of_twin).collect()
     }
 }
 
@@ -234,7 +240,7 @@ fn measure(desk: &Desk, case: &Case) -> Result<Told> {
         desk.say(&format!("{} with {} patches, {spp} samples: {places:.3?}", case.name, patches.n_patches()));
         if [n_patches, spp] == desk.choose(QUICK, USUAL) {
             told.add_places(case.name, &places);
-            told.goals = Goals::of(&places, traced.exchanged_db(&scene, &bake)?);
+            told.goals = Goals::of(&places, traced.exchanged(&scene, &bake)?);
         }
     }
     Ok(told)
