@@ -5,6 +5,7 @@ pub mod live;
 pub mod more;
 pub mod places;
 pub mod spent;
+pub mod sun;
 pub mod tables;
 mod twins;
 
@@ -17,11 +18,13 @@ use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeConfig};
 use clerestory_transport::bvh::Ray;
 use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::import;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
 use clerestory_transport::patches::{DEFAULT_PATCHES, NARROW_ALPHA};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::{Sampler, uniform_hash};
+use clerestory_transport::scene::Scene;
 use clerestory_transport::trace::TraceConfig;
 use glam::{Vec2, Vec3};
 
@@ -58,6 +61,11 @@ const BAKES: [[u32; 2]; 6] = [
 const USUAL: [u32; 2] = [DEFAULT_PATCHES, BAKE_SPP[0]];
 const QUICK: [u32; 2] = [DEFAULT_PATCHES, 64];
 
+/// A measured distribution, wide and to one side.
+const PROFILE: &str = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 7 5 1 2 0 0 0\n1 1 10\n0 15 30 45 60 75 90\n0 90 180 270 360\n\
+    400 520 640 560 320 120 0\n400 420 380 260 140 40 0\n400 300 180 90 40 10 0\n400 420 380 260 140 40 0\n\
+    400 520 640 560 320 120 0\n";
+
 /// Samples per pixel of traced and of live light, in a hurry and in full.
 const TRACED_SPP: [u32; 2] = [256, 2048];
 
@@ -67,6 +75,38 @@ pub(super) struct Case {
     pub path: PathBuf,
     /// The map that its sky has.
     pub sky: Option<PathBuf>,
+    /// What is changed in it before it is prepared; such a scene has no sky.
+    pub change: Option<Change>,
+}
+
+/// Changes a scene.
+pub(super) type Change = fn(&mut Scene) -> Result<()>;
+
+impl Case {
+    /// The scene, and what it is seen from.
+    pub fn prepared(&self) -> Result<(PreparedScene, Camera)> {
+        self.under(self.sky.as_deref())
+    }
+
+    /// The same without its sky.
+    fn without_sky(&self) -> Result<(PreparedScene, Camera)> {
+        self.under(None)
+    }
+
+    fn under(&self, sky: Option<&Path>) -> Result<(PreparedScene, Camera)> {
+        let scene = match self.change {
+            None => scenes::prepared(&self.path, sky.map(|map| ("sky", map)))?,
+            Some(change) => {
+                ensure!(sky.is_none(), "a scene that is changed has no sky");
+                let loaded = import::load(&self.path);
+                let mut scene = loaded.with_context(|| format!("cannot load {}", self.path.display()))?.scene;
+                change(&mut scene)?;
+                PreparedScene::new(scene, &[])?.0
+            }
+        };
+        let camera = scene.scene.cameras.first().context("no camera")?.clone();
+        Ok((scene, camera))
+    }
 }
 
 /// Tables of the scene of our own.
@@ -97,7 +137,12 @@ fn measured(desk: &Desk, (section, of): (&str, &str), cases: Vec<Case>) -> Resul
         let told: Told = desk.part(section, case.name, || measure(desk, &case).with_context(why))?;
         let wide = || timed(desk, &case).with_context(why);
         let spent: Spent = desk.part(section, &format!("{}, timed", case.name), wide)?;
-        goals.push((case.name, told.goals.clone(), spent));
+        let mut of_scene = told.goals.clone();
+        if section == OWN {
+            let added = || twins::added(desk, &case.path).with_context(why);
+            of_scene.exchanged.extend(desk.part(section, "lamps put in", added)?);
+        }
+        goals.push((case.name, of_scene, spent));
         tables.add(&told);
     }
     Ok(tables.page(&goals, of, desk))
@@ -108,7 +153,7 @@ pub(super) fn cases(desk: &Desk) -> Vec<Case> {
 }
 
 fn own(desk: &Desk) -> Vec<Case> {
-    vec![Case { name: "gallery", path: desk.root.join("assets/scenes/gallery.glb"), sky: None }]
+    vec![Case { name: "gallery", path: desk.root.join("assets/scenes/gallery.glb"), sky: None, change: None }]
 }
 
 fn others(desk: &Desk) -> Vec<Case> {
@@ -119,15 +164,9 @@ fn others(desk: &Desk) -> Vec<Case> {
         ("living-room", shared("bitterli-living-room"), desk.shared("env/bitterli-living-room-sky19.exr")),
     ];
     let case = |(name, path, sky): (&'static str, Option<PathBuf>, Option<PathBuf>)| {
-        Some(Case { name, path: path.filter(|path| path.exists())?, sky })
+        Some(Case { name, path: path.filter(|path| path.exists())?, sky, change: None })
     };
     all.into_iter().filter_map(case).take(desk.choose(1, usize::MAX)).collect()
-}
-
-pub(super) fn prepared(path: &Path, sky: Option<&Path>) -> Result<(PreparedScene, Camera)> {
-    let scene = scenes::prepared(path, sky.map(|map| ("sky", map)))?;
-    let camera = scene.scene.cameras.first().context("no camera")?.clone();
-    Ok((scene, camera))
 }
 
 /// Lamps of a scene, the light that belongs to it, and two traced and live pictures of each.
@@ -172,23 +211,24 @@ impl Traced {
         Ok(self.drawn.iter().enumerate().map(place).collect())
     }
 
-    /// Lamps of the file exchanged for free ones, dB of each.
-    fn exchanged_db(&self, scene: &PreparedScene, bake: &Bake) -> Result<Vec<f64>> {
+    /// Lamps of the file exchanged for free ones, kind and dB of each.
+    fn exchanged(&self, scene: &PreparedScene, bake: &Bake) -> Result<Vec<(String, f64)>> {
         let first = self.drawn.len();
-        let db = |(nth, twin): (usize, &twins::Twin)| {
-            twin.db(scene, bake, [&self.live[0][first + nth], &self.live[1][first + nth]])
+        let of_twin = |(nth, twin): (usize, &twins::Twin)| {
+            let db = twin.db(scene, bake, [&self.live[0][first + nth], &self.live[1][first + nth]]);
+            db.map(|db| (twin.kind.to_owned(), db))
         };
-        self.twins.iter().enumerate().map(db).collect()
+        self.twins.iter().enumerate().map(of_twin).collect()
     }
 }
 
 fn measure(desk: &Desk, case: &Case) -> Result<Told> {
-    let (scene, camera) = prepared(&case.path, case.sky.as_deref())?;
+    let (scene, camera) = case.prepared()?;
     let scene = Arc::new(scene);
     let film = Film::of_width(WIDTHS[0], &camera);
     let (n_places, n_samples) = desk.choose((3, TRACED_SPP[0]), (10, TRACED_SPP[1]));
     let view = View { scene: &scene, camera: &camera, film, n_samples };
-    let moved = Moved { shapes: vec![LampShape::Point], n_places, clear_m: 0.0 };
+    let moved = Moved { shapes: vec![LampShape::Point], n_places, clear_m: 0.0, lamp };
     let traced = Traced::find(case, view, &moved, twins::find(&scene)?)?;
     let mut told = Told::default();
     for &[n_patches, spp] in desk.choose(&[QUICK][..], &BAKES) {
@@ -200,7 +240,7 @@ fn measure(desk: &Desk, case: &Case) -> Result<Told> {
         desk.say(&format!("{} with {} patches, {spp} samples: {places:.3?}", case.name, patches.n_patches()));
         if [n_patches, spp] == desk.choose(QUICK, USUAL) {
             told.add_places(case.name, &places);
-            told.goals = Goals::of(&places, traced.exchanged_db(&scene, &bake)?);
+            told.goals = Goals::of(&places, traced.exchanged(&scene, &bake)?);
         }
     }
     Ok(told)
@@ -208,7 +248,7 @@ fn measure(desk: &Desk, case: &Case) -> Result<Told> {
 
 /// CPU seconds of a bake that is large enough for what patches learn to count as it does in bakes for people.
 fn timed(desk: &Desk, case: &Case) -> Result<Spent> {
-    let (scene, camera) = prepared(&case.path, case.sky.as_deref())?;
+    let (scene, camera) = case.prepared()?;
     let film = Film::of_width(desk.choose(WIDTHS[0], WIDTHS[1]), &camera);
     let config = BakeConfig { spp: desk.choose(16, BAKE_SPP[1]), patches: DEFAULT_PATCHES, ..BakeConfig::default() };
     Ok(bake(&Arc::new(scene), &camera, film, config)?.1)
@@ -276,6 +316,12 @@ pub(super) fn lamp(shape: LampShape, position: Vec3) -> FreeLamp {
     }
 }
 
+/// A lamp with a measured distribution, which is written to a file.
+pub(super) fn profile(file: String) -> Result<LampShape> {
+    std::fs::write(&file, PROFILE).with_context(|| format!("cannot write {file}"))?;
+    Ok(LampShape::Profile { file })
+}
+
 /// A place in the open space before the camera: between a surface that it sees and another one that is seen from there.
 pub(super) fn place(scene: &PreparedScene, camera: &Camera, film: Film, nth: u32) -> Vec3 {
     let u = |key: u64| uniform_hash(0x1A_4F00 + u64::from(nth) * 16 + key);
@@ -296,9 +342,22 @@ pub(super) fn place(scene: &PreparedScene, camera: &Camera, film: Film, nth: u32
 #[cfg(test)]
 mod tests {
     use clerestory::headless::GALLERY;
-    use clerestory_transport::import;
+    use clerestory_transport::photometry::PhotometricProfile;
 
     use super::*;
+
+    #[test]
+    fn the_distribution_is_read_without_a_remark_and_shines_to_one_side() {
+        let folder = tempfile::tempdir().unwrap();
+        let shape = profile(folder.path().join("lamp.ies").display().to_string()).unwrap();
+        assert_eq!(shape.name(), "ies");
+        let (lamps, remarks) = PreparedLamps::new(&[lamp(shape, Vec3::Y)], None).unwrap();
+        assert!(remarks.is_empty(), "{remarks:?}");
+        assert!(!lamps.is_empty());
+        let profile = PhotometricProfile::parse(PROFILE.as_bytes(), "lamp.ies").unwrap();
+        let sides = [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y];
+        assert_eq!(sides.map(|side| profile.candela(side + Vec3::NEG_Z).round()), [560.0, 260.0, 90.0, 260.0]);
+    }
 
     #[test]
     fn a_bake_without_its_patches_is_one_that_never_had_any() {

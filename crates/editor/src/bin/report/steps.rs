@@ -21,14 +21,20 @@ use super::desk::Desk;
 use super::fit::{median, spread};
 use super::goal::Goal;
 use super::lamps::spent::bake;
-use super::lamps::{cases, lamp, place, prepared};
+use super::lamps::{cases, lamp, place, profile, sun};
 
+/// The scene of our own.
+const OWN: &str = "gallery";
 /// Size of the picture whose steps are timed.
 const STEP: Film = Film { width: 1024, height: 768 };
 /// Steps that are timed, the median counts.
 const STEPS: u32 = 7;
 /// Samples per pixel of the bake that is relit.
 const SPP: u32 = 4;
+/// Lamps of which one moves, in the scene of our own.
+const CROWDS: [u32; 2] = [30, 100];
+/// Where parallel light comes from, seen from the place that it is aimed at, m.
+const SUNWARD: Vec3 = Vec3::new(-4.0, 3.0, 0.5);
 /// Milliseconds that a whole picture may take, by the CPU and with a graphics device.
 const GOALS_MS: [f64; 2] = [150.0, 16.0];
 
@@ -46,7 +52,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Steps of a moved lamp\n\n\
          *Whole* is what the window does from a lamp that has moved to the picture on the screen of 1024 × 768, its own drawing aside: one sample of the direct light of each pixel, the irradiance of\n\
          all {DEFAULT_PATCHES} patches, all columns of the bake (of {SPP} samples per pixel) relit, both summed and encoded, on the CPU or with the graphics device; a lamp that rests for 0.1 s is\n\
-         refined as it is there. Goals: {} ms on a CPU of two threads, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians of {STEPS} steps, of the whole with least…greatest. The bake has seed 0. Shadow rays that nothing needs\n\
+         refined as it is there. A *point, one of 30* moves while the others stand, all of which have had their first light; of it only *whole* is told. The *ies* lamp is a point with a measured distribution; *directional* light comes from 37° above the horizon and is turned, and is as dark as walls leave it. Goals: {} ms on a CPU of two threads, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians of {STEPS} steps, of the whole with least…greatest. The bake has seed 0. Shadow rays that nothing needs\n\
          are not cast. Where *whole* misses its goal, the columns behind it tell which part takes the time; what a device leaves to the CPU, and what it takes, [decision 0026](decisions/0026-the-device-lights-lamps-and-leaves-what-it-does-not-know.md) tells. `kernel` is the direct light on the graphics device by the device's own clock, `back` when the CPU can read it, `device` when the CPU has added what was left to it.\n\
          {device} {}\n\n{table}",
         GOALS_MS[0],
@@ -64,29 +70,54 @@ pub fn table(desk: &Desk, section: &str, gpu: Option<&Gpu>) -> Result<String> {
         |---|---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_string();
     for case in cases(desk) {
+        let kinds = kinds(desk.file("lamp.ies"))?;
         text += &desk.part::<String>(section, &format!("steps-{}", case.name), || {
             desk.say(&format!("steps in {}", case.name));
-            let (scene, camera) = prepared(&case.path, case.sky.as_deref())?;
+            let (scene, camera) = case.prepared()?;
             let scene = Arc::new(scene);
             let config =
                 BakeConfig { spp: SPP, patches: DEFAULT_PATCHES, indirect: Indirect::Shared, ..BakeConfig::default() };
             let (bake, _) = bake(&scene, &camera, STEP, config)?;
-            rows(case.name, (&scene, &camera), &bake, gpu)
+            rows((case.name, kinds.as_slice()), (&scene, &camera), &bake, gpu)
         })?;
     }
     Ok(text)
 }
 
+/// Every kind of lamp; the distribution of one is written to a file.
+fn kinds(file: String) -> Result<[LampShape; 7]> {
+    Ok([
+        LampShape::Point,
+        LampShape::Spot { inner_rad: 0.3, outer_rad: 0.6 },
+        LampShape::Rectangle { size_m: [0.6, 0.3] },
+        LampShape::Disk { radius_m: 0.1 },
+        LampShape::Sphere { radius_m: 0.1 },
+        profile(file)?,
+        sun::SUN,
+    ])
+}
+
+/// A lamp at a place after so many steps of a centimeter; parallel light is turned, as it shines from nowhere in particular.
+fn stepped(shape: &LampShape, place: Vec3, nth: u32) -> FreeLamp {
+    let at = place + Vec3::X * 0.01 * nth as f32;
+    if shape.is_parallel() { sun::parallel(shape.clone(), place + SUNWARD, at) } else { lamp(shape.clone(), at) }
+}
+
 /// Rows of a scene.
-fn rows(name: &str, (scene, camera): (&Arc<PreparedScene>, &Camera), bake: &Bake, gpu: Option<&Gpu>) -> Result<String> {
+fn rows(
+    (name, kinds): (&str, &[LampShape]),
+    (scene, camera): (&Arc<PreparedScene>, &Camera),
+    bake: &Bake,
+    gpu: Option<&Gpu>,
+) -> Result<String> {
     let config = VisibleConfig { narrow_alpha: NARROW_ALPHA, samples: 1, ..VisibleConfig::default() };
     let points = VisiblePoints::new(scene, camera, STEP, config, &|| false).context("nobody stopped it")?;
     let mut device = gpu.map(|gpu| Device::new(gpu, scene, &points)).transpose()?;
     let patches = bake.header.patches.as_ref().context("no patches")?;
     let goal_of_cpu = (rayon::current_num_threads() <= 2).then_some(GOALS_MS[0]);
-    let mut rows = String::new();
-    for shape in [LampShape::Point, LampShape::Rectangle { size_m: [0.6, 0.3] }, LampShape::Sphere { radius_m: 0.1 }] {
-        let moved = |nth: u32| lamp(shape.clone(), place(scene, camera, STEP, 0) + Vec3::X * 0.01 * nth as f32);
+    let (mut rows, at) = (String::new(), place(scene, camera, STEP, 0));
+    for shape in kinds {
+        let moved = |nth: u32| stepped(shape, at, nth);
         let whole = whole_cells(Window::new(bake, scene, camera, None)?, &moved, goal_of_cpu)?;
         let with_device = gpu.map_or(Ok("—".into()), |gpu| {
             let goal_ms = (!gpu.is_software()).then_some(GOALS_MS[1]);
@@ -111,7 +142,21 @@ fn rows(name: &str, (scene, camera): (&Arc<PreparedScene>, &Camera), bake: &Bake
             n_rays as f64 / direct / 1e3,
         );
     }
+    if name == OWN {
+        for n_lamps in CROWDS {
+            let mut window = Window::new(bake, scene, camera, None)?;
+            window.stand(standing(n_lamps - 1, |nth| place(scene, camera, STEP, nth)));
+            let whole = whole_cells(window, &|nth| stepped(&LampShape::Point, at, nth), goal_of_cpu)?;
+            rows += &format!("| {name} | point, one of {n_lamps} | {whole} |{}\n", " — |".repeat(9));
+        }
+    }
     Ok(rows)
+}
+
+/// So many point lamps at places of their own, numbered from 1.
+fn standing(n_lamps: u32, place: impl Fn(u32) -> Vec3) -> Vec<FreeLamp> {
+    let standing = |nth: u32| FreeLamp { key: format!("standing {nth}"), ..lamp(LampShape::Point, place(nth)) };
+    (1..=n_lamps).map(standing).collect()
 }
 
 fn timed_ms<T>(work: impl FnOnce() -> T) -> f64 {
@@ -192,4 +237,36 @@ fn device_cells(steps: &[DeviceStep]) -> String {
         middle(&|step| Some(step.whole_ms)),
         100.0 * last.n_left as f64 / STEP.n_pixels() as f64,
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_of_lamp_shines_and_is_another_one_after_a_step() {
+        let folder = tempfile::tempdir().unwrap();
+        let kinds = kinds(folder.path().join("lamp.ies").display().to_string()).unwrap();
+        for (nth, shape) in kinds.iter().enumerate() {
+            assert!(kinds[..nth].iter().all(|other| other.name() != shape.name()));
+            let [before, after] = [0, 1].map(|step| stepped(shape, Vec3::Y, step));
+            if shape.is_parallel() {
+                assert_ne!(before.aim - before.position, after.aim - after.position, "parallel light is turned");
+            } else {
+                assert!((after.position.distance(before.position) - 0.01).abs() < 1e-6, "{}", shape.name());
+            }
+            let (lamps, remarks) = PreparedLamps::new(&[before], None).unwrap();
+            assert!(!lamps.is_empty() && remarks.is_empty(), "{}: {remarks:?}", shape.name());
+        }
+    }
+
+    #[test]
+    fn lamps_that_stand_have_places_and_names_of_their_own() {
+        let lamps = standing(3, |nth| Vec3::X * nth as f32);
+        assert_eq!(lamps.iter().map(|lamp| lamp.position.x).collect::<Vec<_>>(), [1.0, 2.0, 3.0]);
+        assert_eq!(
+            lamps.iter().map(|lamp| lamp.key.as_str()).collect::<Vec<_>>(),
+            ["standing 1", "standing 2", "standing 3"]
+        );
+    }
 }

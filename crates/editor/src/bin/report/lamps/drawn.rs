@@ -1,12 +1,12 @@
 //! Places of lamps whose light can be told from the noise of its references; others are drawn anew.
 
 use anyhow::{Context, Result};
-use clerestory_transport::lamps::{LampShape, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, LampShape, PreparedLamps};
 use glam::Vec3;
 
 use super::live::View;
 use super::places::{drowns, height_m};
-use super::{Case, lamp, place, prepared, traced};
+use super::{Case, place, traced};
 
 /// Places that drown and have others drawn for them, at most. Only references in full tell: in few samples places drown that do not in
 /// many, those close to surfaces before all, and the others would be easier than what is asked.
@@ -20,6 +20,8 @@ pub struct Moved {
     pub n_places: usize,
     /// Distance that places keep from surfaces, m.
     pub clear_m: f32,
+    /// A lamp of a kind that lights a place.
+    pub lamp: fn(LampShape, Vec3) -> FreeLamp,
 }
 
 /// A lamp at a place, and two pictures of its light in each of two ways, all independent of each other.
@@ -65,7 +67,7 @@ pub fn draw(case: &Case, view: View<'_>, moved: &Moved) -> Result<(Vec<Drawn>, u
                 break;
             }
             n_tried += batch.len();
-            drawn.extend(in_full(case, view, shape, &batch)?.into_iter().filter(Drawn::is_seen));
+            drawn.extend(in_full(case, view, (shape, moved), &batch)?.into_iter().filter(Drawn::is_seen));
         }
         n_drowned += n_tried - drawn.len();
         all.extend(drawn);
@@ -74,10 +76,15 @@ pub fn draw(case: &Case, view: View<'_>, moved: &Moved) -> Result<(Vec<Drawn>, u
 }
 
 /// Lamps of a kind with their pictures; the direct light of all is found at the same points.
-fn in_full(case: &Case, view: View<'_>, shape: &LampShape, batch: &[Candidate]) -> Result<Vec<Drawn>> {
+fn in_full(
+    case: &Case,
+    view: View<'_>,
+    (shape, moved): (&LampShape, &Moved),
+    batch: &[Candidate],
+) -> Result<Vec<Drawn>> {
     let mut lamps = Vec::new();
     for (_, at, _) in batch {
-        lamps.push(PreparedLamps::new(&[lamp(shape.clone(), *at)], None)?.0);
+        lamps.push(PreparedLamps::new(&[(moved.lamp)(shape.clone(), *at)], None)?.0);
     }
     let borrowed: Vec<&PreparedLamps> = lamps.iter().collect();
     let (first, second) = (view.live(&borrowed, 3, 0.0)?, view.live(&borrowed, 4, 0.0)?);
@@ -91,7 +98,7 @@ fn in_full(case: &Case, view: View<'_>, shape: &LampShape, batch: &[Candidate]) 
 
 /// Two traced pictures under a lamp alone.
 fn traced_alone(case: &Case, view: View<'_>, lamp: &PreparedLamps) -> Result<[Vec<f32>; 2]> {
-    let (mut lit, _) = prepared(&case.path, None)?;
+    let (mut lit, _) = case.without_sky()?;
     lamp.install(&mut lit)?;
     let mut coefficients = vec![[0.0; 3]; lit.lighting.basis.n_cols()];
     let last = lit.lighting.basis.sources.last().context("no lamp")?;
@@ -103,13 +110,14 @@ fn traced_alone(case: &Case, view: View<'_>, lamp: &PreparedLamps) -> Result<[Ve
 mod tests {
     use clerestory_transport::camera::Film;
 
+    use super::super::lamp;
     use super::*;
 
     #[test]
     fn places_that_drown_are_drawn_anew_and_not_for_ever() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/scenes/gallery.glb").into();
-        let case = Case { name: "gallery", path, sky: None };
-        let (scene, camera) = prepared(&case.path, None).unwrap();
+        let case = Case { name: "gallery", path, sky: None, change: None };
+        let (scene, camera) = case.prepared().unwrap();
         let film = Film { width: 16, height: 12 };
         let drawn = |n_samples: u32, moved: &Moved| {
             let view = View { scene: &scene, camera: &camera, film, n_samples };
@@ -122,10 +130,10 @@ mod tests {
             (drawn.len(), n_drowned)
         };
         // In one sample light drowns that does not in many.
-        let (_, n_drowned) = drawn(1, &Moved { shapes: vec![LampShape::Point], n_places: 1, clear_m: 0.0 });
+        let (_, n_drowned) = drawn(1, &Moved { shapes: vec![LampShape::Point], n_places: 1, clear_m: 0.0, lamp });
         assert!(n_drowned > 0);
         let shapes = vec![LampShape::Point, LampShape::Sphere { radius_m: 0.1 }];
-        let (n_drawn, _) = drawn(128, &Moved { shapes, n_places: 2, clear_m: 0.3 });
+        let (n_drawn, _) = drawn(128, &Moved { shapes, n_places: 2, clear_m: 0.3, lamp });
         assert!(n_drawn > 0);
     }
 }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::drawn::MOST_REDRAWN;
 use super::places::Place;
 use super::spent::Spent;
+use super::twins;
 use super::{BAKE_SPP, LUMEN, TRACED_SPP, WIDTHS};
 use crate::desk::Desk;
 use crate::fit::median;
@@ -27,8 +28,8 @@ pub struct Goals {
     /// Relative L2 and PSNR in dB of the places.
     l2: Vec<f64>,
     psnr_db: Vec<f64>,
-    /// Of the lamps of the file that were exchanged for free ones.
-    exchanged_db: Vec<f64>,
+    /// Kinds of the lamps of the file that were exchanged for free ones, and dB of each.
+    pub exchanged: Vec<(String, f64)>,
 }
 
 /// Bytes of a file without patches, and how many more it has with them.
@@ -56,21 +57,48 @@ fn spread(values: &[f64], worst: impl Fn(f64, f64) -> f64, words: impl Fn(f64) -
 }
 
 impl Goals {
-    pub fn of(places: &[Place], exchanged_db: Vec<f64>) -> Goals {
+    pub fn of(places: &[Place], exchanged: Vec<(String, f64)>) -> Goals {
         Goals {
             l2: places.iter().map(|place| place.l2[0]).collect(),
             psnr_db: places.iter().map(|place| place.psnr_db[0]).collect(),
-            exchanged_db,
+            exchanged,
         }
+    }
+
+    /// Those of other places, too.
+    pub fn add(&mut self, other: &Goals) {
+        self.l2.extend(&other.l2);
+        self.psnr_db.extend(&other.psnr_db);
+        self.exchanged.extend_from_slice(&other.exchanged);
+    }
+
+    /// Cells of L2 and of PSNR.
+    pub fn of_light(&self) -> String {
+        let l2 = Goal::Most(0.05).of_many(&self.l2, percent);
+        format!("{l2} | {}", Goal::Least(35.0).of_many(&self.psnr_db, decibels))
+    }
+
+    /// The cell of exchanged lamps, kind by kind.
+    fn of_exchanged(&self) -> String {
+        let mut kinds: Vec<&str> = Vec::new();
+        for (kind, _) in &self.exchanged {
+            if !kinds.contains(&kind.as_str()) {
+                kinds.push(kind);
+            }
+        }
+        let words = |kind: &&str| {
+            let of_kind: Vec<f64> = self.exchanged.iter().filter(|(of, _)| of == kind).map(|(_, db)| *db).collect();
+            format!("{kind}: {}", Goal::Least(40.0).of_many(&of_kind, decibels))
+        };
+        if kinds.is_empty() { "none".to_owned() } else { kinds.iter().map(words).collect::<Vec<_>>().join("; ") }
     }
 
     fn row(&self, name: &str, spent: Spent) -> String {
         let ratio = spent.ratio();
         format!(
-            "| {name} | {} | {} | {} | {}: {ratio:.2}× | {:.1} s | {:.1} s | {:.1} s |\n",
-            Goal::Most(0.05).of_many(&self.l2, percent),
-            Goal::Least(35.0).of_many(&self.psnr_db, decibels),
-            Goal::Least(40.0).of_many(&self.exchanged_db, decibels),
+            "| {name} | {} | {} | {}: {ratio:.2}× | {:.1} s | {:.1} s | {:.1} s |\n",
+            self.of_light(),
+            self.of_exchanged(),
             Goal::Most(1.0).word(ratio),
             spent.lights,
             spent.learning,
@@ -132,6 +160,7 @@ impl Told {
 
     /// The section: what is told of all scenes, and the goals of each with the seconds of its larger bake; headings end with `of`.
     pub fn page(&self, goals: &[(&str, Goals, Spent)], of: &str, desk: &Desk) -> String {
+        let added = if of.is_empty() { twins::words() } else { String::new() };
         let goals: String = goals.iter().map(|(name, goals, spent)| goals.row(name, *spent)).collect();
         let (width, wide) = (WIDTHS[0], desk.choose(WIDTHS[0], WIDTHS[1]));
         let [spp, wide_spp] = desk.choose([64, 16], BAKE_SPP);
@@ -156,7 +185,7 @@ impl Told {
             | scene | place | height above the nearest surface | noise | L2 | energy | in the worst | PSNR | alone |\n|---|---|---|---|---|---|---|---|---|\n{}\n\
             ### Goals, {DEFAULT_PATCHES} patches{of}\n\n\
             *Kept* where all keep it, else how many do; and the median. *Exchanged* are point, spot and directional lamps of the file whose place free ones of the same light take (*Make movable*), one at a time: \
-            the picture of the file against the same with its baked column, whose noise counts. *Bake of patches* is learning and walks over all else in CPU seconds, of a bake {wide} pixels wide \
+            the picture of the file against the same with its baked column, whose noise counts.{added} *Bake of patches* is learning and walks over all else in CPU seconds, of a bake {wide} pixels wide \
             with {wide_spp} samples per pixel. Why L2 is missed, and what was tried: [decision 0050](decisions/0050-light-of-moved-lamps-lacks-a-little-of-everything.md) and [decision 0047](decisions/0047-the-first-bounce-stays-with-patches.md); \
             why few lamps are baked sooner than patches: [decision 0009](decisions/0009-patches-are-seen-through-learned-columns.md).\n\n\
             | scene | L2 ≤ 5 % | PSNR ≥ 35 dB | exchanged ≥ 40 dB | bake of patches ≤ 1× | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|\n{goals}",
@@ -192,9 +221,12 @@ mod tests {
         let rows = "| room | 1 | 0.50 m | 10.0 % | 4.0 % | 1.000 | 50 % | 40.0 dB | 32.5 dB |\n\
             | room | 3 | 0.50 m | 10.0 % | 6.0 % | 1.000 | — | 34.0 dB | 32.5 dB |\n";
         assert_eq!(told.places, rows);
-        let row = Goals::of(&[place, third], vec![44.0]).row("room", Spent { learning: 1.0, walks: 2.0, lights: 6.0 });
-        let goals = "| room | missed: kept by 1 of 2, median 5.0 % | missed: kept by 1 of 2, median 37.0 dB | \
-            kept by all 1, median 44.0 dB | kept: 0.50× | 6.0 s | 1.0 s | 2.0 s |\n";
-        assert_eq!(row, goals);
+        let exchanged = [("spot", 44.0), ("point", 39.0), ("spot", 46.0)].map(|(kind, db)| (kind.to_owned(), db));
+        let goals = Goals::of(&[place, third], exchanged.to_vec());
+        let row = goals.row("room", Spent { learning: 1.0, walks: 2.0, lights: 6.0 });
+        let expected = "| room | missed: kept by 1 of 2, median 5.0 % | missed: kept by 1 of 2, median 37.0 dB | \
+            spot: kept by all 2, median 45.0 dB; point: missed: kept by 0 of 1, median 39.0 dB | kept: 0.50× | 6.0 s | 1.0 s | 2.0 s |\n";
+        assert_eq!(row, expected);
+        assert_eq!(Goals::of(&[place], Vec::new()).of_exchanged(), "none");
     }
 }

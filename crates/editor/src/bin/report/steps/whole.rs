@@ -32,6 +32,8 @@ pub(super) struct Window {
     /// Exposed as the picture without lamps: what a lamp does while it is moved is not metered.
     display: Display,
     changed: Changed,
+    /// Lamps that shine beside the one that moves.
+    standing: Vec<FreeLamp>,
     n_orders: u64,
 }
 
@@ -78,8 +80,14 @@ impl Window {
             woken,
             display: Display { exposure_ev, ..Display::default() },
             changed: Changed::All,
+            standing: Vec::new(),
             n_orders: 0,
         })
+    }
+
+    /// Lamps that shine from now on beside the one that moves: the next step waits for their first light.
+    pub fn stand(&mut self, lamps: Vec<FreeLamp>) {
+        self.standing = lamps;
     }
 
     /// Seconds from a lamp that was moved to the encoded picture of all light.
@@ -87,10 +95,12 @@ impl Window {
         let begun = Instant::now();
         self.n_orders += 1;
         let (view, serial) = (self.view.clone(), self.n_orders);
-        self.lamps.order(LampOrder { view, lamps: vec![lamp], shows_arriving: false, serial });
+        let lamps = self.standing.iter().cloned().chain([lamp]).collect();
+        self.lamps.order(LampOrder { view, lamps, shows_arriving: false, serial });
         let is_it = |light: &LampLight| light.serial == serial;
         let light = wait_for(&self.woken, || self.lamps.take().filter(is_it))?;
         ensure!(light.problems.is_empty(), "{}", light.problems.join("; "));
+        ensure!(light.parts.len() == self.standing.len() + 1, "{} lamps shine", light.parts.len());
         let coefficients = self.shown.coefficients(&LightRig::default(), Some(&light));
         match &mut self.maker {
             Maker::Cpu(worker) => {
@@ -118,5 +128,35 @@ fn wait_for<T>(woken: &Receiver<()>, mut take: impl FnMut() -> Option<T>) -> Res
             return Ok(answer);
         }
         woken.recv_timeout(PATIENCE).context("no light came")?;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory::headless::GALLERY;
+    use clerestory_transport::bake::BakeConfig;
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::import;
+    use clerestory_transport::lamps::LampShape;
+    use glam::Vec3;
+
+    use super::*;
+    use crate::lamps::lamp;
+    use crate::lamps::spent::bake;
+
+    #[test]
+    fn a_lamp_moves_among_others_that_stand() {
+        let scene = import::load_bytes("gallery.glb", GALLERY).unwrap().scene;
+        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let (camera, film) = (&scene.scene.cameras[0], Film { width: 16, height: 12 });
+        let config = BakeConfig { spp: 2, patches: 32, ..BakeConfig::default() };
+        let (bake, _) = bake(&scene, camera, film, config).unwrap();
+        let mut window = Window::new(&bake, &scene, camera, None).unwrap();
+        let at = |x: f32| FreeLamp { key: format!("{x}"), ..lamp(LampShape::Point, Vec3::new(x, 1.9, 0.8)) };
+        // Alone, among two that are lit first, and once more.
+        for (nth, standing) in [vec![], vec![at(0.0), at(0.5)], vec![at(0.0), at(0.5)]].into_iter().enumerate() {
+            window.stand(standing);
+            assert!(window.step(at(-0.5 - 0.1 * nth as f32)).unwrap() > 0.0);
+        }
     }
 }
