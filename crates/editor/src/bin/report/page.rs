@@ -25,7 +25,7 @@ const HEAD: &str = "# Benchmarks\n\n\
     sections of theirs alone stay as they were, as that of a graphics card does where there is none. Both\n\
     matrices are of a room of 128 × 96 pixels and 256 texels that another program traced; the file of `mixed` holds two noisy halves of\n\
     it, too. What bakes are held against is made once and kept, with a checksum, in the user's cache, or in the folder that\n\
-    `CLERESTORY_REPORT_CACHE` names. Cycles and Mitsuba are asked where `CLERESTORY_PYTHON` names a Python that has `bpy` or\n\
+    `CLERESTORY_REPORT_CACHE` names; a section that found it there tells how long it had taken to make. Cycles and Mitsuba are asked where `CLERESTORY_PYTHON` names a Python that has `bpy` or\n\
     `mitsuba` (`scripts/peers.py`).\n";
 
 fn start(name: &str) -> String {

@@ -102,7 +102,7 @@ impl Reference {
             desk.say(&format!("sampling the reference, part {} of {}", nth + 1, pieces.len()));
             Ok(sampled(scene, plan.get_or_init(|| plainest_plan(scene, sampling, SEED)), sampling, pieces[nth]))
         };
-        let values = desk.kept.in_pieces(&key, pieces.len(), piece, joined)?;
+        let values = desk.in_pieces(&key, pieces.len(), piece, joined)?;
         let (halves, seen) = values.split_at(2 * n_pixels * CHANNELS * n_cols);
         let (a, b) = halves.split_at(n_pixels * CHANNELS * n_cols);
         let seen = seen.iter().map(|&seen| seen > 0.0).collect();
