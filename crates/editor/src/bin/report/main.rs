@@ -2,7 +2,7 @@
 //! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [--into DIR] [SECTION]…`
 //!
-//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room` and `lamps-others` where their scenes are), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
+//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room` and `lamps-others` where their scenes are, `peers` where another renderer is), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
 //! it is finished by the same program. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
@@ -80,7 +80,7 @@ const SECTIONS: [Section; 27] = [
     Section { name: "growth", write: growth::write },
     Section { name: "fronts", write: fronts::write },
     Section { name: "sitting", write: sitting::write },
-    Section { name: "peers", write: peers::write },
+    Section { name: peers::NAME, write: peers::write },
     Section { name: "ablations", write: ablations::write },
     Section { name: "bakes", write: bakes::write },
     Section { name: "skips", write: skips::write },
@@ -200,6 +200,11 @@ fn can_be_measured(desk: &Desk, section: &Section) -> bool {
         time::OTHERS => time::has_others(desk),
         time::LIVING_ROOM => time::has_living_room(desk),
         lamps::OTHERS => lamps::has_others(desk),
+        peers::NAME => {
+            let missing = peers::missing(desk);
+            missing.iter().for_each(|why| complain(&format!("the section {} stays as it is: {why}", section.name)));
+            missing.is_none()
+        }
         _ => true,
     }
 }
