@@ -13,15 +13,19 @@ use answer::{Answer, Measured, figure, refusal};
 /// Of the cases and of the methods.
 const SEED: u64 = 1;
 
-/// Runs every method on every case.
+/// In a hurry, and else, every so manyth of the cases and of the methods: few of each kind, and none of the large matrices.
+const STEPS: [[usize; 2]; 2] = [[5, 2], [1, 1]];
+
+/// Runs every method on every case, in a hurry some of both.
 ///
 /// # Errors
 /// If our own method has no answer to one of them.
 pub fn write(desk: &Desk) -> Result<String> {
     desk.say("compressing the cases of the stress suite");
-    let measured = cases(SEED).into_iter().map(Measured::new).collect::<Result<Vec<_>>>()?;
+    let [of_cases, of_methods] = desk.choose(STEPS[0], STEPS[1]);
+    let measured = cases(SEED).into_iter().step_by(of_cases).map(Measured::new).collect::<Result<Vec<_>>>()?;
     let mut answers: Vec<(Method, Vec<[Answer; 2]>)> = Vec::new();
-    for method in Method::ALL {
+    for method in Method::ALL.into_iter().step_by(of_methods) {
         let both = |measured: &Measured| [measured.rival::<f32>(method), measured.rival::<f64>(method)];
         // Names of files hold no colon everywhere.
         let of_cases: Vec<[Answer; 2]> = desk.part("stability", &method.to_string().replace(':', "-"), || {
@@ -30,7 +34,8 @@ pub fn write(desk: &Desk) -> Result<String> {
         })?;
         answers.push((method, of_cases));
     }
-    let mut text = format!("{}\n\n{}", desk.provenance("stability"), own_table(&measured));
+    let few = desk.choose("In a hurry: every fifth case and every other method alone.\n\n", "");
+    let mut text = format!("{}\n\n{few}{}", desk.provenance("stability"), own_table(&measured));
     text += &baked_table(&measured);
     text += &summary(&measured, &answers);
     text += &refusals();
@@ -199,4 +204,21 @@ fn table(
         text.push('\n');
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn in_a_hurry_there_is_a_method_of_each_table_and_no_large_matrix() {
+        let [of_cases, of_methods] = STEPS[0];
+        let methods: Vec<Method> = Method::ALL.into_iter().step_by(of_methods).collect();
+        let algorithms = [Selection::Alg1, Selection::Alg2, Selection::Alg3, Selection::Alg4].map(Some);
+        for selection in algorithms.into_iter().chain([None]) {
+            assert!(methods.iter().any(|method| selection_of(*method) == selection), "{selection:?}");
+        }
+        let few: Vec<_> = cases(SEED).into_iter().step_by(of_cases).collect();
+        assert!((5..=10).contains(&few.len()) && few.iter().all(|case| case.truth.len() <= 10_000), "{}", few.len());
+    }
 }
