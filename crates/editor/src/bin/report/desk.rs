@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -11,6 +11,7 @@ use clerestory::platform::memory_bytes;
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value;
 
+use super::built::commit;
 use super::complain;
 use super::kept::{Kept, Numbers};
 use super::plot::{Panel, figure};
@@ -30,7 +31,7 @@ pub struct Desk {
     begun_at: Mutex<Instant>,
     /// What had been computed then.
     begun: Mutex<Option<Computed>>,
-    /// The commit in words, as it was when the report began.
+    /// The commit in words, as it was when the report began, and whether the program is built from it.
     commit: String,
     /// Seconds that parts of the section took that lay there from a run that was interrupted.
     earlier_secs: Mutex<f64>,
@@ -304,18 +305,6 @@ pub fn process_secs(told: &str) -> Option<[f64; 2]> {
     let mut words = told.rsplit_once(')')?.1.split_whitespace().skip(11);
     let mut secs = || Some(0.01 * (words.next()?.parse::<f64>().ok()? + words.next()?.parse::<f64>().ok()?));
     Some([secs()?, secs()?])
-}
-
-/// The commit of a repository in words, and whether the program was changed since; nothing where there is none.
-fn commit(root: &Path) -> Option<String> {
-    let git = |args: &[&str]| {
-        let done = Command::new("git").arg("-C").arg(root).args(args).output().ok()?;
-        done.status.success().then(|| String::from_utf8_lossy(&done.stdout).trim().to_string())
-    };
-    let commit = git(&["show", "--no-patch", "--format=%h of %cs", "HEAD"])?;
-    let changed = git(&["status", "--porcelain", "--", "crates", "assets", "Cargo.lock"])?;
-    let changed = if changed.is_empty() { "" } else { ", changed since" };
-    Some(format!(" ({commit}{changed})"))
 }
 
 /// What a lock holds: the report ends with whatever fails in it.

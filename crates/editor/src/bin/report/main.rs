@@ -11,6 +11,7 @@
 mod ablations;
 mod bakes;
 mod budgets;
+mod built;
 mod cancel;
 mod cases;
 mod desk;
@@ -39,6 +40,7 @@ mod rendered;
 mod scenes;
 mod sitting;
 mod skips;
+mod sources;
 mod stability;
 mod steps;
 mod targets;
