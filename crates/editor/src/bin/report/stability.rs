@@ -34,8 +34,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         })?;
         answers.push((method, of_cases));
     }
-    let few = desk.choose("In a hurry: every fifth case and every other method alone.\n\n", "");
-    let mut text = format!("{}\n\n{few}{}", desk.provenance("stability"), own_table(&measured));
+    let mut text = own_table(&measured);
     text += &baked_table(&measured);
     text += &summary(&measured, &answers);
     text += &refusals();
@@ -49,7 +48,9 @@ pub fn write(desk: &Desk) -> Result<String> {
         let of_table = answers.iter().filter(|(method, _)| selection_of(*method) == selection);
         text += &table(title, selection, &measured, &of_table.collect::<Vec<_>>());
     }
-    Ok(text)
+    let few = desk.choose("In a hurry: every fifth case and every other method alone.\n\n", "");
+    // Last, as it tells how long all of it took.
+    Ok(format!("{}\n\n{few}{text}", desk.provenance("stability")))
 }
 
 /// The algorithm whose intersection W a method has; `None` if its name does not begin with one.
