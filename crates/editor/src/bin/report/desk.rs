@@ -1,7 +1,8 @@
 //! What every section works with: the repository, a folder for files that come and go, and the command line.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -10,8 +11,9 @@ use clerestory::platform::memory_bytes;
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value;
 
+use super::built::commit;
 use super::complain;
-use super::kept::Kept;
+use super::kept::{Kept, Numbers};
 use super::plot::{Panel, figure};
 
 /// Where a report is made.
@@ -23,17 +25,26 @@ pub struct Desk {
     /// Small pictures and few samples.
     pub quick: bool,
     /// What is kept between runs.
-    pub kept: Kept,
+    kept: Kept,
     scratch: PathBuf,
     /// When the section began that is measured now.
     begun_at: Mutex<Instant>,
     /// What had been computed then.
     begun: Mutex<Option<Computed>>,
-    /// The commit in words, as it was when the report began.
+    /// The commit in words, as it was when the report began, and whether the program is built from it.
     commit: String,
     /// Seconds that parts of the section took that lay there from a run that was interrupted.
     earlier_secs: Mutex<f64>,
+    /// What the section was held against.
+    references: Mutex<References>,
 }
+
+/// By key, the seconds that earlier sections or runs took to make numbers: none where the section made them, and unknown where nobody
+/// noted them.
+type References = BTreeMap<String, Option<f64>>;
+
+/// A section that takes longer says so.
+const LONG_SECS: f64 = 1800.0;
 
 impl Desk {
     /// Makes a folder for what comes and goes.
@@ -49,6 +60,7 @@ impl Desk {
         Ok(Desk {
             commit: commit(&root).unwrap_or_default(),
             earlier_secs: Mutex::new(0.0),
+            references: Mutex::default(),
             root,
             pages,
             quick,
@@ -80,12 +92,13 @@ impl Desk {
         complain(&format!("{words} …"));
     }
 
-    /// The command that writes a section, its version, commit and compiler, the machine that it ran on, and how long it took.
+    /// The command that writes a section, its version, commit and compiler, the machine that it ran on, how long it took, and how long
+    /// what it is held against had taken before.
     pub fn provenance(&self, section: &str) -> String {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let quick = if self.quick { "--quick " } else { "" };
         format!(
-            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, built by {}, on {threads} threads of {} ({}){}, in {}.*",
+            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, built by {}, on {threads} threads of {} ({}){}, in {}{}.*",
             env!("CARGO_PKG_VERSION"),
             self.commit,
             env!("CLERESTORY_RUSTC"),
@@ -93,6 +106,7 @@ impl Desk {
             std::env::consts::OS,
             memory_words(memory_bytes()),
             secs_words(self.secs(), *held(&self.earlier_secs)),
+            references_words(&held(&self.references)),
         )
     }
 
@@ -105,6 +119,7 @@ impl Desk {
     /// A section begins: what others compute is counted from here on.
     pub fn begin(&self) {
         *held(&self.earlier_secs) = 0.0;
+        held(&self.references).clear();
         *held(&self.begun_at) = Instant::now();
         *held(&self.begun) = Computed::now();
     }
@@ -135,9 +150,50 @@ impl Desk {
         part: &str,
         measure: impl FnOnce() -> Result<T>,
     ) -> Result<T> {
-        let (value, earlier_secs) = self.kept.part(&self.parts_of(section), part, measure)?;
+        let measure = || {
+            let before = std::mem::take(&mut *held(&self.references));
+            let value = measure();
+            // Which references a part has is written down with it: an interrupted run has none of them when it goes on.
+            let own = std::mem::replace(&mut *held(&self.references), before);
+            Ok::<_, anyhow::Error>((value?, own))
+        };
+        let ((value, own), earlier_secs): ((T, References), _) =
+            self.kept.part(&self.parts_of(section), part, measure)?;
         *held(&self.earlier_secs) += earlier_secs.unwrap_or(0.0);
+        own.into_iter().for_each(|(key, secs)| self.note(key, secs));
         Ok(value)
+    }
+
+    /// Numbers that a key names in full, made once for all sections and runs.
+    ///
+    /// # Errors
+    /// As [`Kept::numbers`].
+    pub fn numbers(&self, key: &str, make: impl FnOnce() -> Result<Vec<f32>>) -> Result<Vec<f32>> {
+        Ok(self.noted(key, self.kept.numbers(key, make)?))
+    }
+
+    /// The same, made piece by piece.
+    ///
+    /// # Errors
+    /// As [`Kept::in_pieces`].
+    pub fn in_pieces(
+        &self,
+        key: &str,
+        n_pieces: usize,
+        make: impl Fn(usize) -> Result<Vec<f32>>,
+        join: impl FnOnce(&[Vec<f32>]) -> Vec<f32>,
+    ) -> Result<Vec<f32>> {
+        Ok(self.noted(key, self.kept.in_pieces(key, n_pieces, make, join)?))
+    }
+
+    fn noted(&self, key: &str, Numbers { values, earlier_secs, .. }: Numbers) -> Vec<f32> {
+        self.note(key.into(), earlier_secs);
+        values
+    }
+
+    /// What a section made itself and reads again later stays its own.
+    fn note(&self, key: String, earlier_secs: Option<f64>) {
+        held(&self.references).entry(key).or_insert(earlier_secs);
     }
 
     /// A section was written: the next run measures it again.
@@ -251,18 +307,6 @@ pub fn process_secs(told: &str) -> Option<[f64; 2]> {
     Some([secs()?, secs()?])
 }
 
-/// The commit of a repository in words, and whether the program was changed since; nothing where there is none.
-fn commit(root: &Path) -> Option<String> {
-    let git = |args: &[&str]| {
-        let done = Command::new("git").arg("-C").arg(root).args(args).output().ok()?;
-        done.status.success().then(|| String::from_utf8_lossy(&done.stdout).trim().to_string())
-    };
-    let commit = git(&["show", "--no-patch", "--format=%h of %cs", "HEAD"])?;
-    let changed = git(&["status", "--porcelain", "--", "crates", "assets", "Cargo.lock"])?;
-    let changed = if changed.is_empty() { "" } else { ", changed since" };
-    Some(format!(" ({commit}{changed})"))
-}
-
 /// What a lock holds: the report ends with whatever fails in it.
 fn held<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
     lock.lock().unwrap_or_else(PoisonError::into_inner)
@@ -270,10 +314,22 @@ fn held<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// Seconds in words, and how many of them were before an interruption.
 fn secs_words(secs: f64, earlier: f64) -> String {
+    let long = if secs > LONG_SECS { ", which is more than half an hour" } else { "" };
     if earlier > 0.0 {
-        format!("{secs:.0} s, {earlier:.0} of them before an interruption")
+        format!("{secs:.0} s{long}, {earlier:.0} of them before an interruption")
     } else {
-        format!("{secs:.0} s")
+        format!("{secs:.0} s{long}")
+    }
+}
+
+/// How long it took to make what lay there already; nothing where the section made all itself.
+fn references_words(references: &References) -> String {
+    let secs: f64 = references.values().flatten().sum();
+    match (secs > 0.0, references.values().any(Option::is_none)) {
+        (false, false) => String::new(),
+        (true, false) => format!("; references: {secs:.0} s, made earlier"),
+        (false, true) => "; references: made earlier, seconds not noted".into(),
+        (true, true) => format!("; references: {secs:.0} s and some whose seconds are not noted, made earlier"),
     }
 }
 
@@ -305,6 +361,46 @@ mod tests {
     fn seconds_are_those_of_all_stretches() {
         assert_eq!(secs_words(452.4, 0.0), "452 s");
         assert_eq!(secs_words(900.0, 448.0), "900 s, 448 of them before an interruption");
+        assert_eq!(secs_words(1800.0, 0.0), "1800 s");
+        assert_eq!(secs_words(2400.4, 0.0), "2400 s, which is more than half an hour");
+    }
+
+    #[test]
+    fn references_that_lay_there_tell_their_seconds_or_that_nobody_noted_them() {
+        let words = |secs: &[Option<f64>]| {
+            let keyed = secs.iter().enumerate().map(|(nth, secs)| (nth.to_string(), *secs));
+            references_words(&keyed.collect())
+        };
+        assert_eq!(words(&[Some(0.0)]), "", "all of it was made now");
+        assert_eq!(words(&[Some(300.2), Some(40.0)]), "; references: 340 s, made earlier");
+        assert_eq!(words(&[None]), "; references: made earlier, seconds not noted");
+        assert!(words(&[Some(340.0), None]).contains("340 s and some whose seconds are not noted"));
+    }
+
+    #[test]
+    fn a_section_tells_what_it_did_not_make_itself_also_where_it_goes_on() {
+        let folder = std::env::temp_dir().join(format!("clerestory-desk-{}", std::process::id()));
+        let desk = || {
+            let mut desk = Desk::new(true, Some(&folder)).unwrap();
+            desk.kept = Kept::within(folder.join("kept"));
+            desk
+        };
+        let slow = || {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            Ok(vec![1.0])
+        };
+        let first = desk();
+        let part = || first.part("time", "hall", || Ok(first.numbers("hall", slow)?.len()));
+        assert_eq!(part().unwrap(), 1);
+        first.numbers("hall", || panic!("it is there")).unwrap();
+        assert_eq!(held(&first.references).clone(), References::from([("hall".into(), Some(0.0))]), "it is its own");
+        let again = desk();
+        again.part::<usize>("time", "hall", || panic!("it is measured")).unwrap();
+        assert_eq!(held(&again.references).clone(), References::from([("hall".into(), Some(0.0))]), "it went on");
+        again.begin();
+        again.numbers("hall", || panic!("it is there")).unwrap();
+        assert!(held(&again.references)["hall"].is_some_and(|secs| secs >= 0.02), "another section");
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

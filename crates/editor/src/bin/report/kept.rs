@@ -11,6 +11,19 @@ use serde::{Serialize, de::DeserializeOwned};
 
 /// Environment variable with another folder; without it a folder of the user's cache.
 const FOLDER_VARIABLE: &str = "CLERESTORY_REPORT_CACHE";
+/// Between the key of numbers and the seconds that it took to make them.
+const NOTED: &str = "\nseconds: ";
+
+/// What is made once, and the seconds that this took.
+#[derive(Debug, PartialEq)]
+pub struct Numbers {
+    /// What was made.
+    pub values: Vec<f32>,
+    /// Of all runs that made it; unknown where one of them did not note them.
+    pub secs: Option<f64>,
+    /// The same of earlier runs alone: none where all of it was made now.
+    pub earlier_secs: Option<f64>,
+}
 
 /// A folder outside the repository.
 pub struct Kept {
@@ -29,24 +42,39 @@ impl Kept {
         Ok(Kept { folder })
     }
 
+    /// Another folder, which need not be there.
+    #[cfg(test)]
+    pub fn within(folder: PathBuf) -> Kept {
+        Kept { folder }
+    }
+
     /// Numbers that a key names in full; made if they are not there, or are not what was written.
     ///
     /// # Errors
     /// If they cannot be made or written.
-    pub fn numbers(&self, key: &str, make: impl FnOnce() -> Result<Vec<f32>>) -> Result<Vec<f32>> {
+    pub fn numbers(&self, key: &str, make: impl FnOnce() -> Result<Vec<f32>>) -> Result<Numbers> {
+        self.read_or_made(key, || {
+            let begun = Instant::now();
+            let values = make()?;
+            Ok(Numbers { values, secs: Some(begun.elapsed().as_secs_f64()), earlier_secs: Some(0.0) })
+        })
+    }
+
+    fn read_or_made(&self, key: &str, make: impl FnOnce() -> Result<Numbers>) -> Result<Numbers> {
         let path = self.numbers_of(key);
-        if let Some(values) = read(&path, key) {
-            return Ok(values);
+        if let Some(numbers) = read(&path, key) {
+            return Ok(numbers);
         }
-        let values = make()?;
-        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-        let mut file = Vec::with_capacity(bytes.len() + key.len() + 8);
-        file.extend((key.len() as u32).to_le_bytes());
-        file.extend(key.as_bytes());
+        let numbers = make()?;
+        let bytes: Vec<u8> = numbers.values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let head = numbers.secs.map_or(key.to_string(), |secs| format!("{key}{NOTED}{secs}"));
+        let mut file = Vec::with_capacity(bytes.len() + head.len() + 8);
+        file.extend((head.len() as u32).to_le_bytes());
+        file.extend(head.as_bytes());
         file.extend(crc(&bytes).to_le_bytes());
         file.extend(bytes);
         put(&path, &file)?;
-        Ok(values)
+        Ok(numbers)
     }
 
     /// The same, made piece by piece: each is written down as soon as it is made, so that long work goes on where it was interrupted,
@@ -60,21 +88,25 @@ impl Kept {
         n_pieces: usize,
         make: impl Fn(usize) -> Result<Vec<f32>>,
         join: impl FnOnce(&[Vec<f32>]) -> Vec<f32>,
-    ) -> Result<Vec<f32>> {
+    ) -> Result<Numbers> {
         if n_pieces == 1 {
             return self.numbers(key, || Ok(join(&[make(0)?])));
         }
         let key_of = |nth: usize| format!("{key}, piece {nth} of {n_pieces}");
         let mut are_new = false;
-        let values = self.numbers(key, || {
+        let numbers = self.read_or_made(key, || {
             are_new = true;
             let piece = |nth: usize| self.numbers(&key_of(nth), || make(nth));
-            Ok(join(&(0..n_pieces).map(piece).collect::<Result<Vec<_>>>()?))
+            let pieces = (0..n_pieces).map(piece).collect::<Result<Vec<Numbers>>>()?;
+            let secs = pieces.iter().map(|piece| piece.secs).sum::<Option<f64>>();
+            let earlier_secs = pieces.iter().map(|piece| piece.earlier_secs).sum::<Option<f64>>();
+            let values = join(&pieces.into_iter().map(|piece| piece.values).collect::<Vec<_>>());
+            Ok(Numbers { values, secs, earlier_secs })
         })?;
         for path in (0..n_pieces).filter(|_| are_new).map(|nth| self.numbers_of(&key_of(nth))) {
             fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
         }
-        Ok(values)
+        Ok(numbers)
     }
 
     fn numbers_of(&self, key: &str) -> PathBuf {
@@ -126,14 +158,17 @@ pub fn checksum(bytes: &[u8]) -> String {
     format!("{:08x} of {} bytes", crc(bytes), bytes.len())
 }
 
-/// The values of a file, if it is of that key and as it was written.
-fn read(path: &Path, key: &str) -> Option<Vec<f32>> {
+/// The values of a file, if it is of that key and as it was written; older files do not tell how long it took to make them.
+fn read(path: &Path, key: &str) -> Option<Numbers> {
     let file = fs::read(path).ok()?;
     let (length, rest) = file.split_first_chunk::<4>()?;
-    let (own_key, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+    let (head, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
     let (hash, bytes) = rest.split_first_chunk::<4>()?;
-    let is_whole = own_key == key.as_bytes() && u32::from_le_bytes(*hash) == crc(bytes);
-    is_whole.then(|| bytes.as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)).collect())
+    let head = std::str::from_utf8(head).ok()?;
+    let (own_key, secs) = head.split_once(NOTED).map_or((head, None), |(own_key, secs)| (own_key, secs.parse().ok()));
+    let is_whole = own_key == key && u32::from_le_bytes(*hash) == crc(bytes);
+    let values = || bytes.as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)).collect();
+    is_whole.then(|| Numbers { values: values(), secs, earlier_secs: secs })
 }
 
 /// Writes a file so that it is there whole or not at all.
@@ -154,34 +189,57 @@ mod tests {
     use super::*;
 
     fn kept(name: &str) -> Kept {
-        let folder = std::env::temp_dir().join(format!("clerestory-kept-{name}-{}", std::process::id()));
-        Kept { folder }
+        Kept::within(std::env::temp_dir().join(format!("clerestory-kept-{name}-{}", std::process::id())))
     }
 
     #[test]
     fn numbers_are_made_once_and_again_where_they_were_damaged() {
         let kept = kept("numbers");
         let made = || kept.numbers("a scene", || Ok(vec![1.0, 2.5]));
-        assert_eq!(made().unwrap(), [1.0, 2.5]);
-        assert_eq!(kept.numbers("a scene", || panic!("it is there")).unwrap(), [1.0, 2.5]);
+        assert_eq!(made().unwrap().values, [1.0, 2.5]);
+        assert_eq!(kept.numbers("a scene", || panic!("it is there")).unwrap().values, [1.0, 2.5]);
         let path = fs::read_dir(kept.folder.join("references")).unwrap().next().unwrap().unwrap().path();
         let mut bytes = fs::read(&path).unwrap();
         *bytes.last_mut().unwrap() ^= 1;
         fs::write(&path, bytes).unwrap();
-        assert_eq!(kept.numbers("a scene", || Ok(vec![3.0])).unwrap(), [3.0]);
+        assert_eq!(kept.numbers("a scene", || Ok(vec![3.0])).unwrap().values, [3.0]);
+        fs::remove_dir_all(&kept.folder).unwrap();
+    }
+
+    #[test]
+    fn numbers_tell_the_seconds_of_the_run_that_made_them_unless_they_are_too_old_for_it() {
+        let kept = kept("seconds");
+        let slow = || {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            Ok(vec![1.0])
+        };
+        let made = kept.numbers("a scene", slow).unwrap();
+        assert!(made.secs.is_some_and(|secs| secs >= 0.02) && made.earlier_secs == Some(0.0), "{made:?}");
+        let again = kept.numbers("a scene", || panic!("it is there")).unwrap();
+        assert_eq!(again, Numbers { values: vec![1.0], secs: made.secs, earlier_secs: made.secs });
+        // As files were before seconds were noted: the key alone, and the values behind their checksum.
+        let value = 2.0f32.to_le_bytes();
+        let old: [&[u8]; 4] = [&4u32.to_le_bytes(), b"hall", &crc(&value).to_le_bytes(), &value];
+        fs::write(kept.numbers_of("hall"), old.concat()).unwrap();
+        let old = kept.numbers("hall", || panic!("it is there")).unwrap();
+        assert_eq!(old, Numbers { values: vec![2.0], secs: None, earlier_secs: None });
         fs::remove_dir_all(&kept.folder).unwrap();
     }
 
     #[test]
     fn numbers_in_pieces_go_on_behind_the_last_one_that_was_written() {
         let kept = kept("pieces");
+        let one = |nth: usize| {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+            vec![nth as f32]
+        };
         let join = |pieces: &[Vec<f32>]| pieces.concat();
         let interrupted = kept.in_pieces(
             "a scene",
             3,
             |nth| {
                 anyhow::ensure!(nth < 2, "interrupted");
-                Ok(vec![nth as f32])
+                Ok(one(nth))
             },
             join,
         );
@@ -192,13 +250,16 @@ mod tests {
             3,
             |nth| {
                 made.borrow_mut().push(nth);
-                Ok(vec![nth as f32])
+                Ok(one(nth))
             },
             join,
         );
-        assert_eq!((values.unwrap(), made.into_inner()), (vec![0.0, 1.0, 2.0], vec![2]));
+        let numbers = values.unwrap();
+        assert_eq!((&numbers.values, made.into_inner()), (&vec![0.0, 1.0, 2.0], vec![2]));
+        assert!(numbers.earlier_secs > Some(0.0) && numbers.secs > numbers.earlier_secs, "{numbers:?}");
         assert_eq!(fs::read_dir(kept.folder.join("references")).unwrap().count(), 1, "the pieces are gone");
-        assert_eq!(kept.numbers("a scene", || panic!("it is whole")).unwrap(), [0.0, 1.0, 2.0]);
+        let whole = kept.numbers("a scene", || panic!("it is whole")).unwrap();
+        assert_eq!((whole.values, whole.secs), (vec![0.0, 1.0, 2.0], numbers.secs));
         fs::remove_dir_all(&kept.folder).unwrap();
     }
 
@@ -209,7 +270,7 @@ mod tests {
         let (old, new) = (kept.numbers_of("a scene, version 0.1.0"), kept.numbers_of("a scene, tracer 1"));
         assert_ne!(old, new);
         fs::rename(old, new).unwrap();
-        assert_eq!(kept.numbers("a scene, tracer 1", || Ok(vec![2.0])).unwrap(), [2.0]);
+        assert_eq!(kept.numbers("a scene, tracer 1", || Ok(vec![2.0])).unwrap().values, [2.0]);
         fs::remove_dir_all(&kept.folder).unwrap();
     }
 

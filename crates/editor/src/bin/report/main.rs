@@ -2,7 +2,7 @@
 //! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [--into DIR] [SECTION]…`
 //!
-//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room` and `lamps-others` where their scenes are), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
+//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room` and `lamps-others` where their scenes are, `peers` where another renderer is), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
 //! it is finished by the same program. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
@@ -11,6 +11,7 @@
 mod ablations;
 mod bakes;
 mod budgets;
+mod built;
 mod cancel;
 mod cases;
 mod desk;
@@ -39,6 +40,7 @@ mod rendered;
 mod scenes;
 mod sitting;
 mod skips;
+mod sources;
 mod stability;
 mod steps;
 mod targets;
@@ -80,7 +82,7 @@ const SECTIONS: [Section; 27] = [
     Section { name: "growth", write: growth::write },
     Section { name: "fronts", write: fronts::write },
     Section { name: "sitting", write: sitting::write },
-    Section { name: "peers", write: peers::write },
+    Section { name: peers::NAME, write: peers::write },
     Section { name: "ablations", write: ablations::write },
     Section { name: "bakes", write: bakes::write },
     Section { name: "skips", write: skips::write },
@@ -100,7 +102,7 @@ const SECTIONS: [Section; 27] = [
 ];
 
 /// What `--quick` alone measures: it aims at under five minutes on two cores.
-const IN_A_HURRY: [&str; 13] = [
+const IN_A_HURRY: [&str; 14] = [
     "time",
     time::OTHERS,
     time::SECONDS,
@@ -114,7 +116,12 @@ const IN_A_HURRY: [&str; 13] = [
     "matrix",
     "methods",
     "relight",
+    "stability",
 ];
+/// What a report in a hurry aims at, seconds on two cores.
+const HURRY_SECS: f64 = 300.0;
+/// Of the line at the end of a page that was written in a hurry.
+const TOTAL: &str = "total";
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -180,17 +187,33 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
         desk.finish(section.name)?;
     }
     let path = desk.pages.join("benchmarks.md");
+    let shown = || known().chain(desk.quick.then_some(TOTAL));
     for section in SECTIONS.iter().filter(asked) {
         // Section by section, so that a later one that fails costs nothing of an earlier one.
         let text = measured(section)?;
         let text = format!("{}\n\n{}", desk.provenance(section.name), text.trim_end());
         let mut page = Page::parse(&std::fs::read_to_string(&path).unwrap_or_default());
         page.put(section.name, text);
-        put(&path, &page.text(known()))?;
+        put(&path, &page.text(shown()))?;
         desk.finish(section.name)?;
     }
-    complain(&format!("all sections took {:.0} s in this run", begun.elapsed().as_secs_f64()));
+    let secs = begun.elapsed().as_secs_f64();
+    complain(&format!("all sections took {secs:.0} s in this run"));
+    if desk.quick && names.is_empty() {
+        let total = total_words(secs);
+        complain(&total);
+        let mut page = Page::parse(&std::fs::read_to_string(&path).unwrap_or_default());
+        page.put(TOTAL, format!("*{total}*"));
+        put(&path, &page.text(shown()))?;
+    }
     Ok(())
+}
+
+/// What all sections took in a hurry, and a warning where that is more than is aimed at: nothing fails for it.
+fn total_words(secs: f64) -> String {
+    let over = format!("Warning: more than the {HURRY_SECS:.0} s on two cores that `--quick` aims at.");
+    let over = if secs > HURRY_SECS { format!(" {over}") } else { String::new() };
+    format!("All sections of `--quick` took {secs:.0} s.{over}")
 }
 
 /// Whether a section is measured here without being asked for: where what it needs is missing, the page keeps what it has.
@@ -200,6 +223,11 @@ fn can_be_measured(desk: &Desk, section: &Section) -> bool {
         time::OTHERS => time::has_others(desk),
         time::LIVING_ROOM => time::has_living_room(desk),
         lamps::OTHERS => lamps::has_others(desk),
+        peers::NAME => {
+            let missing = peers::missing(desk);
+            missing.iter().for_each(|why| complain(&format!("the section {} stays as it is: {why}", section.name)));
+            missing.is_none()
+        }
         _ => true,
     }
 }
@@ -216,11 +244,19 @@ mod tests {
 
     #[test]
     fn sections_stand_once_and_those_in_a_hurry_are_among_them() {
-        let names: Vec<&str> = SECTIONS.iter().map(|section| section.name).collect();
+        let own = OWN_PAGES.iter().map(|(_, section)| section.name);
+        let names: Vec<&str> = SECTIONS.iter().map(|section| section.name).chain(own).collect();
         let is_once = |name: &&str| names.iter().filter(|other| *other == name).count() == 1;
         assert!(names.iter().chain(&IN_A_HURRY).all(is_once), "{names:?}");
         let of_time = ["time", time::MIRRORS, time::MIXED, time::OTHERS, time::LIVING_ROOM];
         assert_eq!(names[..of_time.len()], of_time, "the same of other scenes");
         assert!([time::MIRRORS, time::MIXED, time::LIVING_ROOM].iter().all(|name| !IN_A_HURRY.contains(name)));
+        assert!(!names.contains(&TOTAL), "the last line is no section");
+    }
+
+    #[test]
+    fn a_report_in_a_hurry_tells_its_seconds_and_warns_of_too_many() {
+        assert_eq!(total_words(212.4), "All sections of `--quick` took 212 s.");
+        assert!(total_words(312.0).starts_with("All sections of `--quick` took 312 s. Warning: more than the 300 s"));
     }
 }

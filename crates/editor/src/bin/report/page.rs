@@ -11,7 +11,7 @@ pub struct Page {
 const HEAD: &str = "# Benchmarks\n\n\
     Every figure on this page was measured and written by the command that its section names, but for tables of others that a section\n\
     quotes, which say whose they are. Times depend on the machine; figures of one table come from one run. Each section tells how long it took, and goes on where it was interrupted; `--quick`\n\
-    measures less of them, and aims at under five minutes on two cores.\n\n\
+    measures less of them, aims at under five minutes on two cores, and says at the end of the page what all took.\n\n\
     Seven experiments: error against time; the method's own evaluation; growth; what nobody beats, in bytes and in time to\n\
     relight; ablations, with the work that is skipped; what a sitting costs; and every method on matrices on which methods fail, which\n\
     has a page of its own: [stability](stability.md). The other sections measure one part of the program each.\n\n\
@@ -25,8 +25,10 @@ const HEAD: &str = "# Benchmarks\n\n\
     sections of theirs alone stay as they were, as that of a graphics card does where there is none. Both\n\
     matrices are of a room of 128 × 96 pixels and 256 texels that another program traced; the file of `mixed` holds two noisy halves of\n\
     it, too. What bakes are held against is made once and kept, with a checksum, in the user's cache, or in the folder that\n\
-    `CLERESTORY_REPORT_CACHE` names. Cycles and Mitsuba are asked where `CLERESTORY_PYTHON` names a Python that has `bpy` or\n\
-    `mitsuba` (`scripts/peers.py`).\n";
+    `CLERESTORY_REPORT_CACHE` names; a section that found it there tells how long it had taken to make. Cycles and Mitsuba are asked\n\
+    by `scripts/peers.py`, which needs a Python with NumPy and one of both (`pip install numpy bpy mitsuba`). `CLERESTORY_PYTHON` names\n\
+    that Python, else `python3` is asked: `CLERESTORY_PYTHON=venv/bin/python cargo run --release -p clerestory --bin report -- peers`.\n\
+    Where it has no renderer, or the files are not there, the report says so, and the section stays as it was.\n";
 
 fn start(name: &str) -> String {
     format!("<!-- section {name} -->")

@@ -22,15 +22,19 @@ const TABLES: [(&str, Option<Selection>); 6] = [
     ("Other methods", None),
 ];
 
-/// Runs every method on every case.
+/// In a hurry, and else, every so manyth of the cases and of the methods: few of each kind, and none of the large matrices.
+const STEPS: [[usize; 2]; 2] = [[5, 2], [1, 1]];
+
+/// Runs every method on every case, in a hurry some of both.
 ///
 /// # Errors
 /// If our own method has no answer to one of them.
 pub fn write(desk: &Desk) -> Result<String> {
     desk.say("compressing the cases of the stress suite");
-    let measured = cases(SEED).into_iter().map(Measured::new).collect::<Result<Vec<_>>>()?;
+    let [of_cases, of_methods] = desk.choose(STEPS[0], STEPS[1]);
+    let measured = cases(SEED).into_iter().step_by(of_cases).map(Measured::new).collect::<Result<Vec<_>>>()?;
     let mut answers: Vec<(Method, Vec<[Answer; 2]>)> = Vec::new();
-    for method in Method::every() {
+    for method in Method::every().step_by(of_methods) {
         let both = |measured: &Measured| [measured.rival::<f32>(method), measured.rival::<f64>(method)];
         // Names of files hold no colon everywhere.
         let of_cases: Vec<[Answer; 2]> = desk.part("stability", &method.to_string().replace(':', "-"), || {
@@ -39,7 +43,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         })?;
         answers.push((method, of_cases));
     }
-    let mut text = format!("{}\n\n{}", desk.provenance("stability"), own_table(&measured));
+    let mut text = own_table(&measured);
     text += &baked_table(&measured);
     text += &summary(&measured, &answers);
     text += &refusals();
@@ -47,7 +51,9 @@ pub fn write(desk: &Desk) -> Result<String> {
         let of_table = answers.iter().filter(|(method, _)| selection_of(*method) == selection);
         text += &table(title, selection, &measured, &of_table.collect::<Vec<_>>());
     }
-    Ok(text)
+    let few = desk.choose("In a hurry: every fifth case and every other method alone.\n\n", "");
+    // Last, as it tells how long all of it took.
+    Ok(format!("{}\n\n{few}{text}", desk.provenance("stability")))
 }
 
 /// The algorithm whose intersection W a method has; `None` if its name does not begin with one.
@@ -220,5 +226,16 @@ mod tests {
             assert_eq!(selection.is_none(), method.is_by_itself(), "{method}");
             assert_eq!(core_of(method).is_none(), method.is_by_itself(), "{method}");
         }
+    }
+
+    #[test]
+    fn in_a_hurry_there_is_a_method_of_each_table_and_no_large_matrix() {
+        let [of_cases, of_methods] = STEPS[0];
+        let methods: Vec<Method> = Method::every().step_by(of_methods).collect();
+        for (_, selection) in TABLES {
+            assert!(methods.iter().any(|method| selection_of(*method) == selection), "{selection:?}");
+        }
+        let few: Vec<_> = cases(SEED).into_iter().step_by(of_cases).collect();
+        assert!((5..=10).contains(&few.len()) && few.iter().all(|case| case.truth.len() <= 10_000), "{}", few.len());
     }
 }

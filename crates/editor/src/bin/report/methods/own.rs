@@ -28,7 +28,7 @@ pub fn halves(desk: &Desk, path: &Path, side: Option<u32>, (sampling, seed): (Sa
     let scene = PreparedScene::new(imported.scene, &panels)?.0;
     let n_cols = scene.lighting.basis.n_cols();
     let key = format!("both halves without lights that are seen: {}", key_of(&[path], &scene, sampling, seed)?);
-    let values = desk.kept.numbers(&key, || {
+    let values = desk.numbers(&key, || {
         desk.say(&format!("sampling {n_cols} columns of {} with {} samples", scene.scene.name, sampling.spp));
         Ok(sampled_halves(&scene, sampling, seed).concat())
     })?;
