@@ -72,6 +72,8 @@ pub struct LampLight {
     pub is_done: bool,
     /// A sentence for each lamp that cannot shine.
     pub problems: Vec<String>,
+    /// What else there is to know of lamps that shine, in sentences.
+    pub remarks: Vec<String>,
     /// Names of lamps of whose light more than a little is missing, and what; where there are patches.
     pub lacking: Vec<(String, Lacking)>,
 }
@@ -129,6 +131,7 @@ impl LampLight {
             serial,
             is_done: true,
             problems: vec![problem],
+            remarks: Vec::new(),
             lacking: Vec::new(),
         }
     }

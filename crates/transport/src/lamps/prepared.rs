@@ -71,6 +71,23 @@ pub enum LampError {
     },
 }
 
+/// Something to know about a lamp that makes sense.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LampWarning {
+    /// It sends no light, although it has a strength; and why.
+    Dark(String),
+    /// It shines, otherwise than somebody may expect.
+    Remark(String),
+}
+
+impl LampWarning {
+    /// What it says.
+    pub fn into_words(self) -> String {
+        let (LampWarning::Dark(words) | LampWarning::Remark(words)) = self;
+        words
+    }
+}
+
 /// Lamps that can be asked what they send where.
 #[derive(Clone, Debug, Default)]
 pub struct PreparedLamps {
@@ -113,7 +130,17 @@ impl PreparedLamps {
             }
             prepared.lamps.extend(prepare(lamp, folder, &mut warnings)?);
         }
-        Ok((prepared, warnings))
+        Ok((prepared, warnings.into_iter().map(LampWarning::into_words).collect()))
+    }
+
+    /// A single lamp, as [`PreparedLamps::new`] prepares it; warnings tell whether it is dark.
+    ///
+    /// # Errors
+    /// If its numbers make no sense.
+    pub fn of(lamp: &FreeLamp) -> Result<(PreparedLamps, Vec<LampWarning>), LampError> {
+        let mut warnings = Vec::new();
+        let lamps = prepare(lamp, None, &mut warnings)?.into_iter().collect();
+        Ok((PreparedLamps { lamps }, warnings))
     }
 
     /// Those of some lamps that can shine, and why each of the others cannot: a file may be gone.
@@ -266,7 +293,7 @@ pub(crate) fn lattice(nth: u32) -> Vec2 {
 fn prepare(
     lamp: &FreeLamp,
     folder: Option<&Path>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<LampWarning>,
 ) -> Result<Option<PreparedLamp>, LampError> {
     check(lamp)?;
     if lamp.setting.muted {
@@ -277,7 +304,7 @@ fn prepare(
         _ => None,
     };
     for remark in profile.iter().flat_map(|profile| profile.remarks()) {
-        warnings.push(format!("lamp `{}`: {remark}", lamp.key));
+        warnings.push(LampWarning::Remark(format!("lamp `{}`: {remark}", lamp.key)));
     }
     let body = Body::of(lamp);
     let strength = native_strength(lamp, body.as_ref().map(|(body, area)| (body, *area)), profile.as_deref())?;
@@ -287,13 +314,13 @@ fn prepare(
         return Err(value_error(lamp, "strength with its color and intensity", value, "what can be shown"));
     }
     if lamp.unit == LampUnit::Nit && lamp.strength > 0.0 && body.is_some_and(|(_, area_m2)| area_m2 <= 0.0) {
-        warnings.push(format!(
+        warnings.push(LampWarning::Dark(format!(
             "lamp `{}` has no area, so that it sends no light by its nit; give it a size, or its strength in lm or cd",
             lamp.key
-        ));
+        )));
     }
     if lamp.aim == lamp.position && lamp.shape.is_aimed() {
-        warnings.push(format!("lamp `{}` aims at itself; it shines down", lamp.key));
+        warnings.push(LampWarning::Remark(format!("lamp `{}` aims at itself; it shines down", lamp.key)));
     }
     let [right, up, ahead] = lamp.frame();
     let form = match (&lamp.shape, body) {
@@ -393,5 +420,16 @@ mod tests {
             assert_eq!(told(shape.clone(), LampUnit::Candela), (false, 0));
         }
         assert_eq!(told(LampShape::Disk { radius_m: 0.1 }, LampUnit::Nit), (false, 0));
+    }
+
+    #[test]
+    fn only_a_lamp_without_light_is_called_dark() {
+        let flat = FreeLamp { unit: LampUnit::Nit, ..lamp(LampShape::Disk { radius_m: 0.0 }) };
+        let (lamps, warnings) = PreparedLamps::of(&FreeLamp { aim: flat.position, ..flat }).expect("a lamp");
+        let is_told = matches!(&warnings[..], [LampWarning::Dark(_), LampWarning::Remark(_)]);
+        assert!(lamps.is_empty() && is_told, "{warnings:?}");
+        let down = lamp(LampShape::Disk { radius_m: 0.1 });
+        let (lamps, warnings) = PreparedLamps::of(&FreeLamp { aim: down.position, ..down }).expect("a lamp");
+        assert!(!lamps.is_empty() && matches!(&warnings[..], [LampWarning::Remark(_)]), "{warnings:?}");
     }
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use clerestory_relight::{Radiance, RelightError};
 use clerestory_transport::arriving::{self, ArrivingPoints};
 use clerestory_transport::camera::Film;
-use clerestory_transport::lamps::{FreeLamp, Lacking, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, Lacking, LampWarning, PreparedLamps};
 use clerestory_transport::light::LightSetting;
 use clerestory_transport::patches::Patches;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
@@ -40,7 +40,10 @@ pub(super) struct Bench {
     shows_arriving: bool,
     n_samples: usize,
     lamps: Vec<Lit>,
+    /// Why lamps are dark.
     problems: Vec<String>,
+    /// What else there is to know of them.
+    remarks: Vec<String>,
     /// The graphics device, while it lights the view.
     device: Option<LampDevice>,
     /// Why it does not, although there is one.
@@ -155,6 +158,7 @@ impl Bench {
             n_samples: *SAMPLES.end(),
             lamps: Vec::new(),
             problems: Vec::new(),
+            remarks: Vec::new(),
             serial: 0,
             posted: None,
         }
@@ -163,16 +167,16 @@ impl Bench {
     /// Takes over other lamps; what is known of those that stay is kept.
     pub fn take(&mut self, order: LampOrder) {
         (self.serial, self.shows_arriving) = (order.serial, order.shows_arriving);
-        self.problems = self.device_problem.iter().cloned().collect();
+        (self.problems, self.remarks) = (Vec::new(), self.device_problem.iter().cloned().collect());
         let mut before = std::mem::take(&mut self.lamps);
         for lamp in order.lamps {
             if let Some(idx) = before.iter().position(|lit| lit.is_like(&lamp)) {
                 self.lamps.push(Lit { lamp, ..before.swap_remove(idx) });
                 continue;
             }
-            match PreparedLamps::new(&[white(&lamp)], None) {
+            match PreparedLamps::of(&white(&lamp)) {
                 Ok((prepared, warnings)) => {
-                    self.problems.extend(warnings);
+                    self.heed(warnings);
                     let (most_passes, most_arriving) = self.most_passes(&lamp);
                     let (sum, arriving, n_passes, n_arriving) = (Arc::default(), Arc::default(), 0, 0);
                     let lit = Lit {
@@ -190,6 +194,16 @@ impl Bench {
                     self.lamps.push(lit);
                 }
                 Err(error) => self.problems.push(error.to_string()),
+            }
+        }
+    }
+
+    /// Takes in what there is to say of a lamp.
+    fn heed(&mut self, warnings: Vec<LampWarning>) {
+        for warning in warnings {
+            match warning {
+                LampWarning::Dark(words) => self.problems.push(words),
+                LampWarning::Remark(words) => self.remarks.push(words),
             }
         }
     }
@@ -260,7 +274,7 @@ impl Bench {
                 Ok(None) => {}
                 Err(error) => {
                     (self.device, self.device_problem) = (None, Some(on_cpu(&error)));
-                    self.problems.extend(self.device_problem.clone());
+                    self.remarks.extend(self.device_problem.clone());
                 }
             }
         }
@@ -343,6 +357,7 @@ impl Bench {
             serial: self.serial,
             is_done,
             problems: self.problems.clone(),
+            remarks: self.remarks.clone(),
             lacking: self.lamps.iter().filter_map(|lit| Some((lit.lamp.key.clone(), lit.lacking?))).collect(),
         })
     }

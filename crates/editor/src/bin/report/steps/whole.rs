@@ -90,7 +90,8 @@ impl Window {
         self.lamps.order(LampOrder { view, lamps: vec![lamp], shows_arriving: false, serial });
         let is_it = |light: &LampLight| light.serial == serial;
         let light = wait_for(&self.woken, || self.lamps.take().filter(is_it))?;
-        ensure!(light.problems.is_empty(), "{}", light.problems.join("; "));
+        let told = [light.problems.as_slice(), light.remarks.as_slice()].concat();
+        ensure!(told.is_empty(), "{}", told.join("; "));
         let coefficients = self.shown.coefficients(&LightRig::default(), Some(&light));
         match &mut self.maker {
             Maker::Cpu(worker) => {
