@@ -40,10 +40,8 @@ pub(super) struct Bench {
     shows_arriving: bool,
     n_samples: usize,
     lamps: Vec<Lit>,
-    /// Why lamps are dark.
-    problems: Vec<String>,
-    /// What else there is to know of them.
-    remarks: Vec<String>,
+    /// Why lamps that were ordered are not among them.
+    failed: Vec<String>,
     /// The graphics device, while it lights the view.
     device: Option<LampDevice>,
     /// Why it does not, although there is one.
@@ -59,6 +57,8 @@ struct Lit {
     lamp: FreeLamp,
     /// White and at its full strength.
     prepared: PreparedLamps,
+    /// What there is to say of it, which names it.
+    warnings: Vec<LampWarning>,
     /// Sum over the passes, nit; empty before the first one.
     sum: Arc<Vec<[f32; 3]>>,
     n_passes: u32,
@@ -76,9 +76,27 @@ struct Lit {
 }
 
 impl Lit {
-    /// Whether another lamp is this one but for color, intensity and name.
+    /// A lamp that nothing is known of yet.
+    fn new(lamp: FreeLamp, (prepared, warnings): (PreparedLamps, Vec<LampWarning>), most: (u32, u32)) -> Lit {
+        Lit {
+            lamp,
+            prepared,
+            warnings,
+            sum: Arc::default(),
+            n_passes: 0,
+            most_passes: most.0,
+            arriving: Arc::default(),
+            n_arriving: 0,
+            most_arriving: most.1,
+            of_patches: None,
+            lacking: None,
+        }
+    }
+
+    /// Whether another lamp is this one but for color, intensity and, where nothing is said of it, name.
     fn is_like(&self, lamp: &FreeLamp) -> bool {
-        white(&self.lamp) == FreeLamp { key: self.lamp.key.clone(), ..white(lamp) }
+        let is_free = self.warnings.is_empty() || self.lamp.key == lamp.key;
+        is_free && white(&self.lamp) == FreeLamp { key: self.lamp.key.clone(), ..white(lamp) }
     }
 
     /// What lacks most, and how often it was done; nothing where all is done.
@@ -157,8 +175,7 @@ impl Bench {
             shows_arriving: false,
             n_samples: *SAMPLES.end(),
             lamps: Vec::new(),
-            problems: Vec::new(),
-            remarks: Vec::new(),
+            failed: Vec::new(),
             serial: 0,
             posted: None,
         }
@@ -167,45 +184,42 @@ impl Bench {
     /// Takes over other lamps; what is known of those that stay is kept.
     pub fn take(&mut self, order: LampOrder) {
         (self.serial, self.shows_arriving) = (order.serial, order.shows_arriving);
-        (self.problems, self.remarks) = (Vec::new(), self.device_problem.iter().cloned().collect());
+        self.failed.clear();
         let mut before = std::mem::take(&mut self.lamps);
         for lamp in order.lamps {
-            if let Some(idx) = before.iter().position(|lit| lit.is_like(&lamp)) {
+            // Most lamps stay as they are, and comparing names is quick.
+            let same = before.iter().position(|lit| lit.lamp.key == lamp.key && lit.is_like(&lamp));
+            if let Some(idx) = same.or_else(|| before.iter().position(|lit| lit.is_like(&lamp))) {
                 self.lamps.push(Lit { lamp, ..before.swap_remove(idx) });
                 continue;
             }
+            // One that failed is tried again each time: its file may be there now.
             match PreparedLamps::of(&white(&lamp)) {
-                Ok((prepared, warnings)) => {
-                    self.heed(warnings);
-                    let (most_passes, most_arriving) = self.most_passes(&lamp);
-                    let (sum, arriving, n_passes, n_arriving) = (Arc::default(), Arc::default(), 0, 0);
-                    let lit = Lit {
-                        lamp,
-                        prepared,
-                        sum,
-                        n_passes,
-                        most_passes,
-                        arriving,
-                        n_arriving,
-                        most_arriving,
-                        of_patches: None,
-                        lacking: None,
-                    };
-                    self.lamps.push(lit);
+                Ok(prepared) => {
+                    let most = self.most_passes(&lamp);
+                    self.lamps.push(Lit::new(lamp, prepared, most));
                 }
-                Err(error) => self.problems.push(error.to_string()),
+                Err(error) => self.failed.push(error.to_string()),
             }
         }
     }
 
-    /// Takes in what there is to say of a lamp.
-    fn heed(&mut self, warnings: Vec<LampWarning>) {
-        for warning in warnings {
-            match warning {
-                LampWarning::Dark(words) => self.problems.push(words),
-                LampWarning::Remark(words) => self.remarks.push(words),
-            }
-        }
+    /// Why lamps are dark.
+    fn problems(&self) -> Vec<String> {
+        let dark = self.lamps.iter().flat_map(|lit| &lit.warnings).filter_map(|warning| match warning {
+            LampWarning::Dark(words) => Some(words),
+            LampWarning::Remark(_) => None,
+        });
+        self.failed.iter().chain(dark).cloned().collect()
+    }
+
+    /// What else there is to know of the lamps.
+    fn remarks(&self) -> Vec<String> {
+        let remarks = self.lamps.iter().flat_map(|lit| &lit.warnings).filter_map(|warning| match warning {
+            LampWarning::Remark(words) => Some(words),
+            LampWarning::Dark(_) => None,
+        });
+        self.device_problem.iter().chain(remarks).cloned().collect()
     }
 
     /// Passes that a lamp takes, of what is seen and of what arrives.
@@ -272,10 +286,7 @@ impl Bench {
                 Ok(Some(light)) => return Some(light),
                 Ok(None) if stop() => return None,
                 Ok(None) => {}
-                Err(error) => {
-                    (self.device, self.device_problem) = (None, Some(on_cpu(&error)));
-                    self.remarks.extend(self.device_problem.clone());
-                }
+                Err(error) => (self.device, self.device_problem) = (None, Some(on_cpu(&error))),
             }
         }
         let spare = self.spare.as_ref().filter(|(nth, _)| *nth == sample).map(|(_, points)| points);
@@ -356,8 +367,8 @@ impl Bench {
             parts: self.lamps.iter().map(Lit::part).collect(),
             serial: self.serial,
             is_done,
-            problems: self.problems.clone(),
-            remarks: self.remarks.clone(),
+            problems: self.problems(),
+            remarks: self.remarks(),
             lacking: self.lamps.iter().filter_map(|lit| Some((lit.lamp.key.clone(), lit.lacking?))).collect(),
         })
     }

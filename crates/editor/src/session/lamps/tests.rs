@@ -206,3 +206,31 @@ fn a_lamp_that_makes_no_sense_is_told_and_the_others_shine() {
     assert!(light.problems.len() == 1 && light.problems[0].contains("`broken`"), "{:?}", light.problems);
     assert!(mean(&light) > 0.0);
 }
+
+#[test]
+fn what_is_said_of_a_lamp_stays_while_another_one_moves() {
+    let view = view();
+    let flat = LampShape::Rectangle { size_m: [1.0, 0.0] };
+    let dark = FreeLamp { shape: flat, unit: LampUnit::Nit, ..lamp("dark", 0.0) };
+    let broken = FreeLamp { unit: LampUnit::Lux, ..lamp("broken", 0.0) };
+    let disk = FreeLamp { shape: LampShape::Disk { radius_m: 0.1 }, ..lamp("own", 0.2) };
+    let own = FreeLamp { aim: disk.position, ..disk };
+    let mut bench = Bench::new(view.clone());
+    let mut said = |x: f32, dark: &FreeLamp, serial: u64| {
+        let lamps = vec![dark.clone(), broken.clone(), own.clone(), lamp("moves", x)];
+        bench.take(LampOrder { view: view.clone(), lamps, shows_arriving: false, serial });
+        let light = loop {
+            bench.step(&|_, _| false);
+            if let Some(light) = bench.news() {
+                break light;
+            }
+        };
+        (light.problems, light.remarks)
+    };
+    let first = said(0.0, &dark, 1);
+    let are_named = first.0.len() == 2 && first.0[0].contains("`broken`") && first.0[1].contains("`dark`");
+    assert!(are_named && first.1.len() == 1 && first.1[0].contains("`own`"), "{first:?}");
+    assert_eq!(said(0.3, &dark, 2), first);
+    let (problems, _) = said(0.3, &FreeLamp { key: "other".into(), ..dark }, 3);
+    assert!(problems[1].contains("`other`"), "{problems:?}");
+}
