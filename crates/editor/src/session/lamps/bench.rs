@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use clerestory_relight::{Radiance, RelightError};
 use clerestory_transport::arriving::{self, ArrivingPoints};
 use clerestory_transport::camera::Film;
-use clerestory_transport::lamps::{FreeLamp, Lacking, LampWarning, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, KeptProfiles, Lacking, LampWarning, PreparedLamps};
 use clerestory_transport::light::LightSetting;
 use clerestory_transport::patches::Patches;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
@@ -42,6 +42,8 @@ pub(super) struct Bench {
     lamps: Vec<Lit>,
     /// Why lamps that were ordered are not among them.
     failed: Vec<String>,
+    /// Profiles as they were when a lamp first asked for them: whoever wants them read again asks for another view.
+    profiles: KeptProfiles,
     /// The graphics device, while it lights the view.
     device: Option<LampDevice>,
     /// Why it does not, although there is one.
@@ -176,6 +178,7 @@ impl Bench {
             n_samples: *SAMPLES.end(),
             lamps: Vec::new(),
             failed: Vec::new(),
+            profiles: KeptProfiles::default(),
             serial: 0,
             posted: None,
         }
@@ -194,7 +197,7 @@ impl Bench {
                 continue;
             }
             // One that failed is tried again each time: its file may be there now.
-            match PreparedLamps::of(&white(&lamp)) {
+            match PreparedLamps::of(&white(&lamp), &mut self.profiles) {
                 Ok(prepared) => {
                     let most = self.most_passes(&lamp);
                     self.lamps.push(Lit::new(lamp, prepared, most));

@@ -208,6 +208,28 @@ fn a_lamp_that_makes_no_sense_is_told_and_the_others_shine() {
 }
 
 #[test]
+fn a_lamp_that_moves_keeps_its_profile_until_files_are_to_be_read_again() {
+    let (folder, worker) = (tempfile::tempdir().unwrap(), worker().0);
+    let file = folder.path().join("even.ies");
+    let even = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0\n1 1 10\n0 180\n0\n100 100\n";
+    std::fs::write(&file, even).unwrap();
+    let shape = LampShape::Profile { file: file.display().to_string() };
+    let lit = |view: &Arc<LampView>, serial: u64, x: f32| {
+        let lamps = vec![FreeLamp { shape: shape.clone(), ..lamp("even", x) }];
+        worker.order(LampOrder { view: view.clone(), lamps, shows_arriving: false, serial });
+        wait(&worker, |light| light.serial == serial)
+    };
+    let first = view();
+    assert!(mean(&lit(&first, 1, 0.0)) > 0.0);
+    std::fs::remove_file(&file).unwrap();
+    let moved = lit(&first, 2, 0.2);
+    assert!(mean(&moved) > 0.0 && moved.problems.is_empty(), "{:?}", moved.problems);
+    // What the window does where a file is to be read again.
+    let again = lit(&Arc::new((*first).clone()), 3, 0.2);
+    assert!(matches!(&again.problems[..], [words] if words.contains("even.ies")), "{:?}", again.problems);
+}
+
+#[test]
 fn what_is_said_of_a_lamp_stays_while_another_one_moves() {
     let view = view();
     let flat = LampShape::Rectangle { size_m: [1.0, 0.0] };
