@@ -5,6 +5,7 @@
 
 mod bench;
 mod device;
+mod sums;
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -14,6 +14,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::device::LampDevice;
+use super::sums::{Sums, Term};
 use super::{LampLight, LampOrder, LampPart, LampView, Work};
 
 /// Passes after which a soft shadow is as smooth as it gets.
@@ -44,6 +45,11 @@ pub(super) struct Bench {
     failed: Vec<String>,
     /// Profiles as they were when a lamp first asked for them: whoever wants them read again asks for another view.
     profiles: KeptProfiles,
+    /// Lamps that were traced so far, to number them.
+    n_traced: u64,
+    /// What is seen of the light of lamps, and what arrives of it, summed.
+    seen_sums: Sums,
+    arriving_sums: Sums,
     /// The graphics device, while it lights the view.
     device: Option<LampDevice>,
     /// Why it does not, although there is one.
@@ -55,6 +61,8 @@ pub(super) struct Bench {
 
 /// A lamp, and what it lights.
 struct Lit {
+    /// No other one of the view has it.
+    id: u64,
     /// As it shines.
     lamp: FreeLamp,
     /// White and at its full strength.
@@ -79,8 +87,10 @@ struct Lit {
 
 impl Lit {
     /// A lamp that nothing is known of yet.
-    fn new(lamp: FreeLamp, (prepared, warnings): (PreparedLamps, Vec<LampWarning>), most: (u32, u32)) -> Lit {
+    fn new(id: u64, lamp: FreeLamp, prepared: (PreparedLamps, Vec<LampWarning>), most: (u32, u32)) -> Lit {
+        let (prepared, warnings) = prepared;
         Lit {
+            id,
             lamp,
             prepared,
             warnings,
@@ -179,6 +189,9 @@ impl Bench {
             lamps: Vec::new(),
             failed: Vec::new(),
             profiles: KeptProfiles::default(),
+            n_traced: 0,
+            seen_sums: Sums::default(),
+            arriving_sums: Sums::default(),
             serial: 0,
             posted: None,
         }
@@ -200,7 +213,8 @@ impl Bench {
             match PreparedLamps::of(&white(&lamp), &mut self.profiles) {
                 Ok(prepared) => {
                     let most = self.most_passes(&lamp);
-                    self.lamps.push(Lit::new(lamp, prepared, most));
+                    self.n_traced += 1;
+                    self.lamps.push(Lit::new(self.n_traced, lamp, prepared, most));
                 }
                 Err(error) => self.failed.push(error.to_string()),
             }
@@ -363,9 +377,12 @@ impl Bench {
             return None;
         }
         self.posted = Some((self.serial, n_passes, Instant::now()));
+        let (film, lamps) = (self.view.film, &self.lamps);
+        let seen = || terms(lamps, |lit| (lit.sum.as_slice(), lit.n_passes));
+        let arriving = || terms(lamps, |lit| (lit.arriving.as_slice(), lit.n_arriving));
         Some(LampLight {
-            direct: Arc::new(self.summed(|lit| (lit.sum.as_slice(), lit.n_passes))),
-            arriving: is_measured.then(|| Arc::new(self.summed(|lit| (lit.arriving.as_slice(), lit.n_arriving)))),
+            direct: summed(&mut self.seen_sums, film, &seen()),
+            arriving: is_measured.then(|| summed(&mut self.arriving_sums, film, &arriving())),
             of_patches: Arc::new(self.of_patches()),
             parts: self.lamps.iter().map(Lit::part).collect(),
             serial: self.serial,
@@ -374,19 +391,6 @@ impl Bench {
             remarks: self.remarks(),
             lacking: self.lamps.iter().filter_map(|lit| Some((lit.lamp.key.clone(), lit.lacking?))).collect(),
         })
-    }
-
-    /// The mean of some passes of each lamp in its color, summed.
-    fn summed(&self, of: impl Fn(&Lit) -> (&[[f32; 3]], u32)) -> Radiance {
-        let Film { width, height } = self.view.film;
-        let mut sum = Radiance::new(width, height);
-        for lit in &self.lamps {
-            let (light, n_passes) = of(lit);
-            let weight = (weight(&lit.lamp) / n_passes as f32).to_array();
-            let pixels = sum.pixels.par_iter_mut().zip(light.par_iter());
-            pixels.for_each(|(sum, light)| (0..3).for_each(|c| sum[c] += weight[c] * light[c]));
-        }
-        sum
     }
 
     fn of_patches(&self) -> Vec<[f32; 3]> {
@@ -440,8 +444,25 @@ impl StillLamps {
             }
             self.bench.step(&|_, _| stop());
         }
+        // How sums round must not depend on the pictures before.
+        (self.bench.seen_sums, self.bench.arriving_sums) = (Sums::default(), Sums::default());
         self.bench.news()
     }
+}
+
+/// The light of lamps as a sum takes it: the mean of some passes of each in its color.
+fn terms<'a>(lamps: &'a [Lit], of: impl Fn(&'a Lit) -> (&'a [[f32; 3]], u32)) -> Vec<Term<'a>> {
+    let term = |lit: &'a Lit| {
+        let (light, n_passes) = of(lit);
+        Term { of: (lit.id, n_passes), weight: (weight(&lit.lamp) / n_passes as f32).to_array(), light }
+    };
+    lamps.iter().map(term).collect()
+}
+
+/// Their sum as a picture.
+fn summed(sums: &mut Sums, film: Film, terms: &[Term<'_>]) -> Arc<Radiance> {
+    let Film { width, height } = film;
+    Arc::new(Radiance { width, height, pixels: sums.of(terms, film.n_pixels()) })
 }
 
 /// What a lamp's setting makes of its white light.
@@ -499,6 +520,41 @@ mod tests {
         assert_eq!(bench.spare.as_ref().map(|(nth, _)| *nth), Some(31), "samples that do not fit are looked for again");
         let all_kept = StillLamps::fine(view).light(&[lamp], &|| false).unwrap();
         assert!(bench.news().unwrap().direct.pixels == all_kept.direct.pixels, "and give the same light");
+    }
+
+    #[test]
+    fn a_picture_is_the_sum_of_what_its_lamps_bring_whichever_of_them_changes() {
+        let (view, lamp) = lit_room();
+        let at = |key: &str, x: f32| FreeLamp { key: key.into(), position: Vec3::new(x, 0.2, -0.3), ..lamp.clone() };
+        let red = LightSetting { intensity: 3.0, color: Some([1.0, 0.0, 0.5]), ..LightSetting::default() };
+        let orders = [
+            vec![at("a", 0.1), at("b", 0.3), at("c", -0.3)],
+            vec![at("a", 0.2), at("b", 0.3), at("c", -0.3)],
+            vec![at("a", 0.25), at("b", 0.3), at("c", -0.3)],
+            vec![at("a", 0.25), FreeLamp { setting: red, ..at("b", 0.3) }, at("c", -0.3)],
+            vec![at("a", 0.25), at("c", -0.3)],
+        ];
+        let mut bench = Bench::new(view.clone());
+        for (serial, lamps) in (1..).zip(orders) {
+            let n_lamps = lamps.len();
+            bench.take(LampOrder { view: view.clone(), lamps, shows_arriving: true, serial });
+            let light = loop {
+                bench.step(&|_, _| false);
+                if let Some(light) = bench.news() {
+                    break light;
+                }
+            };
+            assert_eq!(light.parts.len(), n_lamps);
+            let arriving = light.arriving.unwrap();
+            for (pixel, (direct, lux)) in (0..).zip(light.direct.pixels.iter().zip(&arriving.pixels)) {
+                let seen: Vec3 = light.parts.iter().map(|part| part.direct(pixel)).sum();
+                let measured: Vec3 = light.parts.iter().map(|part| part.arriving(pixel)).sum();
+                for (found, expected) in [(*direct, seen), (*lux, measured)] {
+                    let is_it = Vec3::from(found).distance(expected) <= 1e-4 * (1.0 + expected.length());
+                    assert!(is_it, "order {serial}, pixel {pixel}: {found:?} is not {expected}");
+                }
+            }
+        }
     }
 
     #[test]
