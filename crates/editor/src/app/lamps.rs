@@ -63,6 +63,7 @@ impl App {
             Some(LampLight { problems, .. }) if !problems.is_empty() => {
                 LampNote::Problem(self.look.renamed(&problems[0]))
             }
+            Some(light) if !light.left_out.is_empty() => LampNote::Pending,
             Some(_) if shown.patches().is_none() => LampNote::DirectOnly,
             Some(light) => self.lacking(light),
         };

@@ -1,4 +1,5 @@
-//! The light of free lamps, off the window's thread: complete at once, finer while the lamps stand still, nothing when done.
+//! The light of free lamps, off the window's thread: complete at once, or where there are too many for that as they come, finer while
+//! the lamps stand still, nothing when done.
 //!
 //! Light is linear, and so every lamp is traced white and kept for itself: a lamp that moves leaves the others alone, and
 //! color and intensity only weigh what is there. A pass of a lamp that has moved on is given up at once.
@@ -61,12 +62,14 @@ pub struct LampOrder {
 pub struct LampLight {
     /// Their direct light, nit; the size is that of the view's film.
     pub direct: Arc<Radiance>,
-    /// What of it arrives at the surfaces seen, lux; where the view measures it, and once all of it is there.
+    /// What of it arrives at the surfaces seen, lux; where the view measures it, and once it is there for all that are not left out.
     pub arriving: Option<Arc<Radiance>>,
     /// Coefficients of the columns of patches: what their light becomes on its further way; empty without patches.
     pub of_patches: Arc<Vec<[f32; 3]>>,
     /// The same of each lamp for itself.
     pub parts: Vec<LampPart>,
+    /// Lamps whose light is not there yet, nor part of any of this; the others took long, and are shown without them.
+    pub left_out: Vec<FreeLamp>,
     /// Number of the order that it answers.
     pub serial: u64,
     /// Whether it does not get any smoother.
@@ -129,6 +132,7 @@ impl LampLight {
             arriving: None,
             of_patches: Arc::default(),
             parts: Vec::new(),
+            left_out: Vec::new(),
             serial,
             is_done: true,
             problems: vec![problem],

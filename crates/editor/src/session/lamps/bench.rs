@@ -26,6 +26,8 @@ const STILL_SAMPLES: u32 = 32;
 const MOST_BYTES: usize = 256 << 20;
 /// Time between two pictures while nothing moves.
 const POST_EVERY: Duration = Duration::from_millis(250);
+/// Time after which lamps whose light is there are shown without those that are still to come.
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// A view, and how far its lamps are.
 pub(super) struct Bench {
@@ -55,8 +57,22 @@ pub(super) struct Bench {
     /// Why it does not, although there is one.
     device_problem: Option<String>,
     pub serial: u64,
-    /// The light that was posted last: of which order, how far, when.
-    posted: Option<(u64, u32, Instant)>,
+    /// The light that was posted last.
+    posted: Option<Posted>,
+    /// When the first order came that nothing was posted of yet.
+    waits_since: Instant,
+    /// How long it waits for all of its lamps.
+    patience: Duration,
+}
+
+/// Light that was posted.
+struct Posted {
+    /// Of which order.
+    serial: u64,
+    /// How many passes of all lamps were made, and whether none was left out.
+    n_passes: u32,
+    is_whole: bool,
+    at: Instant,
 }
 
 /// A lamp, and what it lights.
@@ -194,11 +210,17 @@ impl Bench {
             arriving_sums: Sums::default(),
             serial: 0,
             posted: None,
+            waits_since: Instant::now(),
+            patience: PATIENCE,
         }
     }
 
     /// Takes over other lamps; what is known of those that stay is kept.
     pub fn take(&mut self, order: LampOrder) {
+        // Lamps that move on before anything is shown do not wait anew with each step.
+        if self.posted.as_ref().is_some_and(|posted| posted.serial == self.serial) {
+            self.waits_since = Instant::now();
+        }
         (self.serial, self.shows_arriving) = (order.serial, order.shows_arriving);
         self.failed.clear();
         let mut before = std::mem::take(&mut self.lamps);
@@ -254,7 +276,7 @@ impl Bench {
 
     /// Whether all of it was posted.
     pub fn is_done(&self) -> bool {
-        self.next().is_none() && self.posted.is_some_and(|(serial, _, _)| serial == self.serial)
+        self.next().is_none() && self.posted.as_ref().is_some_and(|posted| posted.serial == self.serial)
     }
 
     /// One more pass of what lacks most.
@@ -363,46 +385,38 @@ impl Bench {
 
     /// The light as far as it is, where it is time to show it.
     pub fn news(&mut self) -> Option<LampLight> {
+        let (there, missing): (Vec<&Lit>, Vec<&Lit>) =
+            self.lamps.iter().partition(|lit| lit.is_whole(self.shows_arriving));
         let n_passes = self.lamps.iter().map(|lit| lit.n_passes + lit.n_arriving).sum();
-        let is_whole = self.lamps.iter().all(|lit| lit.is_whole(self.shows_arriving));
-        let is_measured = self.view.measures && self.lamps.iter().all(|lit| lit.n_arriving > 0);
-        let is_done = self.next().is_none();
-        let is_due = match self.posted {
-            Some((serial, before, at)) if serial == self.serial => {
-                n_passes > before && (is_done || at.elapsed() > POST_EVERY)
-            }
-            _ => true,
-        };
-        if !is_whole || !is_due {
+        let now = Posted { serial: self.serial, n_passes, is_whole: missing.is_empty(), at: Instant::now() };
+        let is_late = !there.is_empty() && now.at.saturating_duration_since(self.waits_since) >= self.patience;
+        if !(now.is_whole || is_late) || !self.is_news(&now) {
             return None;
         }
-        self.posted = Some((self.serial, n_passes, Instant::now()));
-        let (film, lamps) = (self.view.film, &self.lamps);
-        let seen = || terms(lamps, |lit| (lit.sum.as_slice(), lit.n_passes));
-        let arriving = || terms(lamps, |lit| (lit.arriving.as_slice(), lit.n_arriving));
+        self.posted = Some(now);
+        let is_measured = self.view.measures && there.iter().all(|lit| lit.n_arriving > 0);
+        let seen = || terms(&there, |lit| (lit.sum.as_slice(), lit.n_passes));
+        let arriving = || terms(&there, |lit| (lit.arriving.as_slice(), lit.n_arriving));
+        let film = self.view.film;
         Some(LampLight {
             direct: summed(&mut self.seen_sums, film, &seen()),
             arriving: is_measured.then(|| summed(&mut self.arriving_sums, film, &arriving())),
-            of_patches: Arc::new(self.of_patches()),
-            parts: self.lamps.iter().map(Lit::part).collect(),
+            of_patches: Arc::new(of_patches(&self.view, &there)),
+            parts: there.iter().map(|lit| lit.part()).collect(),
+            left_out: missing.iter().map(|lit| lit.lamp.clone()).collect(),
             serial: self.serial,
-            is_done,
+            is_done: self.next().is_none(),
             problems: self.problems(),
             remarks: self.remarks(),
-            lacking: self.lamps.iter().filter_map(|lit| Some((lit.lamp.key.clone(), lit.lacking?))).collect(),
+            lacking: there.iter().filter_map(|lit| Some((lit.lamp.key.clone(), lit.lacking?))).collect(),
         })
     }
 
-    fn of_patches(&self) -> Vec<[f32; 3]> {
-        let n_columns = self.view.patches.as_ref().map_or(0, Patches::n_columns);
-        let mut sum = vec![[0.0; 3]; n_columns];
-        for lit in &self.lamps {
-            let weight = weight(&lit.lamp).to_array();
-            for (sum, light) in sum.iter_mut().zip(lit.of_patches.iter().flat_map(|of_patches| of_patches.iter())) {
-                (0..3).for_each(|c| sum[c] += weight[c] * light[c]);
-            }
-        }
-        sum
+    /// Whether light is to be posted after what was: all of it that was asked for, or what is better, now and then.
+    fn is_news(&self, now: &Posted) -> bool {
+        let Some(before) = self.posted.as_ref().filter(|before| before.serial == now.serial) else { return true };
+        let is_complete = self.next().is_none() || (now.is_whole && !before.is_whole);
+        now.n_passes > before.n_passes && (is_complete || before.at.elapsed() > POST_EVERY)
     }
 }
 
@@ -451,8 +465,8 @@ impl StillLamps {
 }
 
 /// The light of lamps as a sum takes it: the mean of some passes of each in its color.
-fn terms<'a>(lamps: &'a [Lit], of: impl Fn(&'a Lit) -> (&'a [[f32; 3]], u32)) -> Vec<Term<'a>> {
-    let term = |lit: &'a Lit| {
+fn terms<'a>(lamps: &[&'a Lit], of: impl Fn(&'a Lit) -> (&'a [[f32; 3]], u32)) -> Vec<Term<'a>> {
+    let term = |&lit: &&'a Lit| {
         let (light, n_passes) = of(lit);
         Term { of: (lit.id, n_passes), weight: (weight(&lit.lamp) / n_passes as f32).to_array(), light }
     };
@@ -463,6 +477,19 @@ fn terms<'a>(lamps: &'a [Lit], of: impl Fn(&'a Lit) -> (&'a [[f32; 3]], u32)) ->
 fn summed(sums: &mut Sums, film: Film, terms: &[Term<'_>]) -> Arc<Radiance> {
     let Film { width, height } = film;
     Arc::new(Radiance { width, height, pixels: sums.of(terms, film.n_pixels()) })
+}
+
+/// What lamps bring to the columns of patches.
+fn of_patches(view: &LampView, lamps: &[&Lit]) -> Vec<[f32; 3]> {
+    let n_columns = view.patches.as_ref().map_or(0, Patches::n_columns);
+    let mut sum = vec![[0.0; 3]; n_columns];
+    for lit in lamps {
+        let weight = weight(&lit.lamp).to_array();
+        for (sum, light) in sum.iter_mut().zip(lit.of_patches.iter().flat_map(|of_patches| of_patches.iter())) {
+            (0..3).for_each(|c| sum[c] += weight[c] * light[c]);
+        }
+    }
+    sum
 }
 
 /// What a lamp's setting makes of its white light.
@@ -555,6 +582,34 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn lamps_that_are_there_are_shown_where_the_others_take_long() {
+        let (view, lamp) = lit_room();
+        let at = |key: &str, x: f32| FreeLamp { key: key.into(), position: Vec3::new(x, 0.2, -0.3), ..lamp.clone() };
+        let lamps = vec![at("a", 0.1), at("b", 0.3), at("c", -0.3)];
+        let mut bench = Bench { patience: Duration::MAX, ..Bench::new(view.clone()) };
+        bench.take(LampOrder { view: view.clone(), lamps, shows_arriving: false, serial: 1 });
+        bench.step(&|_, _| false);
+        assert!(bench.news().is_none(), "a picture is whole, unless that takes long");
+        bench.patience = Duration::ZERO;
+        let first = bench.news().unwrap();
+        let keys = |light: &LampLight| -> Vec<String> { light.parts.iter().map(|part| part.key.clone()).collect() };
+        let missing: Vec<&str> = first.left_out.iter().map(|lamp| lamp.key.as_str()).collect();
+        assert_eq!((keys(&first), missing, first.is_done), (vec!["a".to_owned()], vec!["b", "c"], false));
+        let alone = first.direct.pixels.iter().zip(0..).all(|(found, pixel)| {
+            let own = first.parts[0].direct(pixel);
+            Vec3::from(*found).distance(own) <= 1e-4 * (1.0 + own.length())
+        });
+        assert!(alone && first.direct.pixels.iter().any(|rgb| rgb[1] > 0.0));
+        bench.patience = Duration::MAX;
+        bench.step(&|_, _| false);
+        assert!(bench.news().is_none());
+        bench.step(&|_, _| false);
+        let whole = bench.news().unwrap();
+        assert!(whole.left_out.is_empty(), "it is shown at once");
+        assert_eq!(keys(&whole), ["a", "b", "c"]);
     }
 
     #[test]
