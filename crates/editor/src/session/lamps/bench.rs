@@ -332,11 +332,12 @@ impl Bench {
         self.points.get(sample).or(spare)?.direct(&view.scene, lamp, round, stop)
     }
 
-    /// Which sample of the pixels a pass takes, and how often it was taken before: first each that there is, then those that are kept.
+    /// Which sample of the pixels a pass takes, and in which round: first each that there is, then those that are kept. Where these are
+    /// less than a quarter, all take turns: edges would mostly be those of the few.
     fn sample_of(&self, pass: u32) -> (usize, u32) {
-        let kept = self.n_samples as u32;
-        let round = if pass < self.most_samples.max(kept) { 0 } else { pass / kept };
-        (if round == 0 { pass } else { pass % kept } as usize, round)
+        let (kept, all) = (self.n_samples as u32, self.most_samples.max(self.n_samples as u32));
+        let taken = if pass < all || 4 * kept < all { all } else { kept };
+        ((pass % taken) as usize, pass / taken)
     }
 
     /// Looks at what the pixels see in a sample, if that is not known; `None` when `stop` asked to.
@@ -547,6 +548,26 @@ mod tests {
         assert_eq!(bench.spare.as_ref().map(|(nth, _)| *nth), Some(31), "samples that do not fit are looked for again");
         let all_kept = StillLamps::fine(view).light(&[lamp], &|| false).unwrap();
         assert!(bench.news().unwrap().direct.pixels == all_kept.direct.pixels, "and give the same light");
+    }
+
+    #[test]
+    fn few_samples_that_are_kept_are_taken_no_more_often_than_the_others() {
+        let mut bench = Bench::new(lit_room().0);
+        let of_soft = |bench: &Bench| -> Vec<(usize, u32)> { (0..SOFT_PASSES).map(|p| bench.sample_of(p)).collect() };
+        let most_often = |taken: &[(usize, u32)]| {
+            let n_taken = |sample: usize| taken.iter().filter(|(of, _)| *of == sample).count();
+            (0..STILL_SAMPLES as usize).map(n_taken).max()
+        };
+        for n_samples in [2, 5, 8] {
+            bench.n_samples = n_samples;
+            let taken = of_soft(&bench);
+            let n_seen = taken.iter().enumerate().filter(|(nth, one)| !taken[..*nth].contains(one)).count();
+            assert_eq!(n_seen, taken.len(), "no pass is another one's");
+            assert_eq!(most_often(&taken), Some(if n_samples < 8 { 2 } else { 5 }));
+        }
+        // Frames look for few samples, and for none of them again and again.
+        (bench.most_samples, bench.n_samples) = (8, 2);
+        assert_eq!(bench.sample_of(SOFT_PASSES - 1), (1, 31));
     }
 
     #[test]
