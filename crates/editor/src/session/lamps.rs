@@ -24,6 +24,7 @@ pub use self::device::on_device;
 
 use super::Wake;
 use super::mailbox::{Clerk, Idle, Mailbox};
+use super::room::left_of_system;
 use crate::crash;
 use crate::illuminance::AddedLux;
 
@@ -205,6 +206,9 @@ fn work_on(bench: &mut Option<Bench>, order: Option<LampOrder>, mailbox: &LampMa
         let kept = bench.take().filter(|bench| Arc::ptr_eq(&bench.view, &order.view));
         let new = bench.insert(kept.unwrap_or_else(|| Bench::new(order.view.clone())));
         new.take(order);
+        if let Some(free_bytes) = left_of_system() {
+            new.stay_within(free_bytes);
+        }
     }
     let bench = bench.as_mut()?;
     bench.step(&|view, work| is_interrupted(mailbox, view, work));

@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use super::device::LampDevice;
 use super::sums::{Sums, Term};
 use super::{LampLight, LampOrder, LampPart, LampView, Work};
+use crate::sizes::bytes_words;
 
 /// Passes after which a soft shadow is as smooth as it gets.
 const SOFT_PASSES: u32 = 64;
@@ -241,6 +242,32 @@ impl Bench {
                 Err(error) => self.failed.push(error.to_string()),
             }
         }
+    }
+
+    /// Leaves out the last of the lamps that would take more memory than is free, and says so. What is known of lamps stays.
+    pub fn stay_within(&mut self, free_bytes: u64) {
+        let (n_ordered, n_most) = (self.lamps.len(), free_bytes / self.lamp_bytes());
+        let mut n_new = 0;
+        self.lamps.retain(|lit| {
+            n_new += u64::from(lit.sum.is_empty());
+            !lit.sum.is_empty() || n_new <= n_most
+        });
+        let n_left_out = n_ordered - self.lamps.len();
+        if n_left_out > 0 {
+            let Film { width, height } = self.view.film;
+            self.failed.push(format!(
+                "there is no memory for the light of {n_left_out} of {n_ordered} lamps: in a picture of {width} × {height} it would take \
+                 about {}, and {} may be taken; use fewer lamps or a smaller picture",
+                bytes_words(n_left_out as u64 * self.lamp_bytes()),
+                bytes_words(free_bytes)
+            ));
+        }
+    }
+
+    /// Memory that the light of a lamp takes, bytes. It is there twice where a pass is added to what was posted.
+    fn lamp_bytes(&self) -> u64 {
+        let n_sums = if self.view.measures { 2 } else { 1 };
+        2 * n_sums * (size_of::<[f32; 3]>() * self.view.film.n_pixels()).max(1) as u64
     }
 
     /// Why lamps are dark.
@@ -529,6 +556,11 @@ mod tests {
         (view, lamp)
     }
 
+    /// The same lamp at another place in the room.
+    fn placed(lamp: &FreeLamp, key: &str, x: f32) -> FreeLamp {
+        FreeLamp { key: key.into(), position: Vec3::new(x, 0.2, -0.3), ..lamp.clone() }
+    }
+
     #[test]
     fn samples_are_as_many_as_what_they_take_leaves_room_for() {
         assert_eq!([1, 0].map(|bytes| samples_within(100, bytes)), [8, 8]);
@@ -573,7 +605,7 @@ mod tests {
     #[test]
     fn a_picture_is_the_sum_of_what_its_lamps_bring_whichever_of_them_changes() {
         let (view, lamp) = lit_room();
-        let at = |key: &str, x: f32| FreeLamp { key: key.into(), position: Vec3::new(x, 0.2, -0.3), ..lamp.clone() };
+        let at = |key: &str, x: f32| placed(&lamp, key, x);
         let red = LightSetting { intensity: 3.0, color: Some([1.0, 0.0, 0.5]), ..LightSetting::default() };
         let orders = [
             vec![at("a", 0.1), at("b", 0.3), at("c", -0.3)],
@@ -608,7 +640,7 @@ mod tests {
     #[test]
     fn lamps_that_are_there_are_shown_where_the_others_take_long() {
         let (view, lamp) = lit_room();
-        let at = |key: &str, x: f32| FreeLamp { key: key.into(), position: Vec3::new(x, 0.2, -0.3), ..lamp.clone() };
+        let at = |key: &str, x: f32| placed(&lamp, key, x);
         let lamps = vec![at("a", 0.1), at("b", 0.3), at("c", -0.3)];
         let mut bench = Bench { patience: Duration::MAX, ..Bench::new(view.clone()) };
         bench.take(LampOrder { view: view.clone(), lamps, shows_arriving: false, serial: 1 });
@@ -631,6 +663,31 @@ mod tests {
         let whole = bench.news().unwrap();
         assert!(whole.left_out.is_empty(), "it is shown at once");
         assert_eq!(keys(&whole), ["a", "b", "c"]);
+    }
+
+    #[test]
+    fn lamps_whose_light_finds_no_memory_are_told_and_the_others_shine() {
+        let (view, lamp) = lit_room();
+        let at = |key: &str, x: f32| placed(&lamp, key, x);
+        let lamps = vec![at("a", 0.1), at("b", 0.3), at("c", -0.3)];
+        let mut bench = Bench::new(view.clone());
+        // What is lit already takes no more than it has.
+        for (serial, n_fit) in [(1, 2), (2, 0)] {
+            bench.take(LampOrder { view: view.clone(), lamps: lamps.clone(), shows_arriving: false, serial });
+            bench.stay_within(n_fit * bench.lamp_bytes());
+            let light = loop {
+                bench.step(&|_, _| false);
+                if let Some(light) = bench.news() {
+                    break light;
+                }
+            };
+            assert!(light.parts.iter().map(|part| part.key.as_str()).eq(["a", "b"]));
+            let is_told = |words: &str| words.contains("1 of 3 lamps") && words.contains("32 × 24");
+            assert!(matches!(&light.problems[..], [words] if is_told(words)), "{:?}", light.problems);
+        }
+        bench.take(LampOrder { view, lamps, shows_arriving: false, serial: 3 });
+        bench.stay_within(bench.lamp_bytes());
+        assert!(bench.lamps.len() == 3 && bench.problems().is_empty(), "there is memory again");
     }
 
     #[test]
