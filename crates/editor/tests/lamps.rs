@@ -1130,6 +1130,38 @@ fn a_profile_that_another_program_wrote_is_read_again_where_the_lamp_hangs() {
     assert!(window.query_by_label_contains("has changed on disk").is_none());
 }
 
+#[test]
+fn a_lamp_with_a_remark_is_not_called_dark_and_one_without_light_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let (ies, look) = (folder.path().join("tilted.ies"), folder.path().join("a.look"));
+    let tilts = "IESNA:LM-63-2002\nTILT=INCLUDE\n1\n2\n0 90\n1 0.8\n";
+    std::fs::write(&ies, format!("{tilts}1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 100 100\n")).unwrap();
+    let with = |lamp: Value| {
+        let document = json!({ "clerestory": 1, "lamps": [lamp] });
+        std::fs::write(&look, document.to_string()).unwrap();
+        let mut window = baked();
+        window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(look.clone())));
+        wait(&mut window, |app| app.look().lights.lamps.len() == 1 && app.is_settled());
+        window
+    };
+    let is_noted = |window: &Window, label: &str| window.query_by_label(label).is_some();
+
+    let tilted = json!({ "key": "tilted", "type": "ies", "position": [0.0, 0.9, 0.0], "aim": [0.0, -1.0, 0.0],
+        "strength": 3000, "unit": "cd", "file": "tilted.ies" });
+    let mut window = with(tilted);
+    wait_until(&mut window, |window| is_noted(window, "Lamps: 1 remark"));
+    assert!(!is_noted(&window, "Lamps: one is dark"), "it shines");
+    assert!(is_noted(&window, "Lamps: direct light only"), "and what its light lacks is told as well");
+    click(&mut window, "Lamps: 1 remark");
+    assert!(says(&window, "it shines as it was measured"));
+
+    let flat = json!({ "key": "flat", "type": "rectangle", "position": [0.0, 0.9, 0.0], "aim": [0.0, -1.0, 0.0],
+        "strength": 3000, "unit": "nit", "size_m": [1.0, 0.0] });
+    let mut window = with(flat);
+    wait_until(&mut window, |window| is_noted(window, "Lamps: one is dark"));
+    assert!(!is_noted(&window, "Lamps: 1 remark"));
+}
+
 /// Clicks the names of two lamps in the list, the second with Ctrl.
 fn select(window: &mut Window, names: [&str; 2]) {
     for (name, modifiers) in names.into_iter().zip([Modifiers::NONE, Modifiers::COMMAND]) {

@@ -24,7 +24,7 @@ pub use self::frame::half_turn;
 pub use self::lacking::Lacking;
 pub use self::light::Lamp;
 pub(crate) use self::light::{Lit, Through, Way};
-pub use self::prepared::{LampError, PreparedLamps};
+pub use self::prepared::{KeptProfiles, LampError, LampWarning, PreparedLamps};
 pub(crate) use self::prepared::{PreparedLamp, lattice};
 pub(crate) use self::units::lumen_per_candela;
 pub use self::words::LampWords;

@@ -1,5 +1,6 @@
 //! The light of free lamps in the window: orders it when lamps or view change, and says which lighting to show with it.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -63,7 +64,9 @@ impl Lamplight {
         let (Some(view), shining) = (&self.view, rig.shining_lamps()) else { return true };
         let is_ordered = self.ordered.as_ref().is_some_and(|ordered| ordered.shining == shining);
         let answer = self.light.as_ref().filter(|light| light.serial == self.n_orders);
-        let is_there = |light: &LampLight| light.is_done || light.arriving.is_some() || !view.measures;
+        let is_there = |light: &LampLight| {
+            light.is_done || (light.left_out.is_empty() && (light.arriving.is_some() || !view.measures))
+        };
         shining.is_empty() || (is_ordered && answer.is_some_and(is_there))
     }
 
@@ -120,9 +123,12 @@ impl Lamplight {
         self.view = view;
     }
 
-    /// Takes in the newest light, if it is of an order that still counts.
+    /// Takes in the newest light, if it is of an order that still counts, and puts nothing out that is shown.
     fn take(&mut self) {
         let Some(light) = self.worker.take().filter(|light| light.serial >= self.oldest) else { return };
+        if puts_out(&light, self.light.as_ref(), &self.answered) {
+            return;
+        }
         let Some(ordered) = &self.ordered else { return };
         self.light = Some(light);
         if ordered.shining.is_empty() && self.light.as_ref().is_some_and(|light| light.serial == self.n_orders) {
@@ -157,6 +163,19 @@ fn is_lit_by(view: &LampView, device: Option<&Gpu>) -> bool {
     view.device.is_some() == device.is_some() && (!is_lost(view.device.as_ref()) || is_lost(device))
 }
 
+/// Whether a light leaves out lamps that are lit in the picture: as they were, or as the lights of the file whose place they take. Such
+/// a light is not shown; the whole one follows.
+fn puts_out(light: &LampLight, shown: Option<&LampLight>, rig: &LightRig) -> bool {
+    if light.left_out.is_empty() {
+        return false;
+    }
+    let parts = shown.iter().flat_map(|shown| &shown.parts);
+    let lit: HashSet<&str> = parts.map(|part| part.key.as_str()).collect();
+    let is_on = |key: &String| rig.lights.get(key).is_none_or(|setting| !setting.muted);
+    let stands_in = |lamp: &FreeLamp| lamp.replaces.as_ref().is_some_and(is_on);
+    light.left_out.iter().any(|lamp| lit.contains(lamp.key.as_str()) || stands_in(lamp))
+}
+
 /// Whether two views are the same but for their patches.
 fn is_seen_alike(a: &LampView, b: &LampView) -> bool {
     Arc::ptr_eq(&a.scene, &b.scene) && (&a.camera, a.film) == (&b.camera, b.film)
@@ -165,4 +184,47 @@ fn is_seen_alike(a: &LampView, b: &LampView) -> bool {
 /// Whether two lightings are the same in what is baked.
 fn is_same_but_for_lamps(a: &LightRig, b: &LightRig) -> bool {
     (&a.lights, &a.panels, &a.sky, &a.groups) == (&b.lights, &b.panels, &b.sky, &b.groups)
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::import;
+    use clerestory_transport::lamps::{LampShape, LampUnit};
+    use clerestory_transport::light::LightSetting;
+    use clerestory_transport::prepared::PreparedScene;
+    use glam::Vec3;
+
+    use super::*;
+    use crate::session::lamps::StillLamps;
+
+    #[test]
+    fn light_that_lacks_lamps_is_shown_where_it_puts_none_of_them_out() {
+        let scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
+        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 8, height: 6 });
+        let view = Arc::new(LampView { scene, camera, film, patches: None, measures: false, device: None });
+        let lamp = |key: &str, replaces: Option<&str>| FreeLamp {
+            key: key.into(),
+            shape: LampShape::Point,
+            position: Vec3::new(0.0, 0.2, -0.3),
+            aim: Vec3::ZERO,
+            strength: 100.0,
+            unit: LampUnit::Lumen,
+            setting: LightSetting::default(),
+            turn_rad: 0.0,
+            replaces: replaces.map(str::to_owned),
+        };
+        let shown = StillLamps::new(view).light(&[lamp("a", None)], &|| false).unwrap();
+        let without = |left_out: Vec<FreeLamp>| LampLight { left_out, ..shown.clone() };
+        let (on, mut off) = (LightRig::default(), LightRig::default());
+        off.lights.insert("lamp".into(), LightSetting { muted: true, ..LightSetting::default() });
+        assert!(!puts_out(&without(vec![]), Some(&shown), &on), "a whole one is always shown");
+        assert!(puts_out(&without(vec![lamp("a", None)]), Some(&shown), &on), "it is lit");
+        assert!(!puts_out(&without(vec![lamp("a", None)]), None, &on), "nothing is lit yet");
+        assert!(!puts_out(&without(vec![lamp("b", None)]), Some(&shown), &on), "it is new");
+        let movable = || vec![lamp("b", Some("lamp"))];
+        assert!(puts_out(&without(movable()), Some(&shown), &on), "the light of the file shines in its place");
+        assert!(!puts_out(&without(movable()), Some(&shown), &off), "which is off");
+    }
 }

@@ -47,23 +47,27 @@ impl App {
         }
     }
 
-    /// What there is to say about the light of free lamps.
-    pub(super) fn lamp_note(&self) -> LampNote {
+    /// What there is to say about the light of free lamps, and what else to know of those that shine.
+    pub(super) fn lamp_notes(&self) -> (LampNote, Vec<String>) {
         let Some(shown) = self.session.shown.as_ref().filter(|_| self.session.lamp_scene().is_some()) else {
-            return LampNote::None;
+            return (LampNote::None, Vec::new());
         };
         let heard = heard(&shown.header.basis, &self.look.lights, &self.lights.solo);
         if heard.shining_lamps().is_empty() {
-            return LampNote::None;
+            return (LampNote::None, Vec::new());
         }
-        match self.follower.lamp_light() {
+        let light = self.follower.lamp_light();
+        let note = match light {
             None => LampNote::Pending,
             Some(LampLight { problems, .. }) if !problems.is_empty() => {
                 LampNote::Problem(self.look.renamed(&problems[0]))
             }
+            Some(light) if !light.left_out.is_empty() => LampNote::Pending,
             Some(_) if shown.patches().is_none() => LampNote::DirectOnly,
             Some(light) => self.lacking(light),
-        }
+        };
+        let remarks = light.iter().flat_map(|light| &light.remarks).map(|words| self.look.renamed(words));
+        (note, remarks.collect())
     }
 
     /// What of the light of free lamps is missing, if anything is.

@@ -217,6 +217,7 @@ impl App {
             let device = self.follower.device();
             let figures = self.session.figures.as_ref();
             let worst = worst_lights(&self.session, &self.look);
+            let (lamps, lamp_remarks) = self.lamp_notes();
             let status = Status {
                 messages: &self.messages,
                 opening: self.session.is_opening(),
@@ -226,7 +227,8 @@ impl App {
                 wish: self.follower.wish(),
                 size: self.follower.picture().map(|(_, size)| size),
                 millis: self.follower.millis(),
-                lamps: self.lamp_note(),
+                lamps,
+                lamp_remarks,
                 error_db: self.session.error_db.map(|error| error.total),
                 median_db: figures.map(|figures| figures.block_error_db.total.median),
                 worst_lights: &worst,

@@ -28,6 +28,8 @@ pub struct Status<'a> {
     pub millis: Option<f32>,
     /// What there is to know about the light of free lamps.
     pub lamps: LampNote,
+    /// What else there is to know of lamps that shine, in sentences.
+    pub lamp_remarks: Vec<String>,
     /// Error of what is shown, dB below the peaks of the lights.
     pub error_db: Option<f32>,
     /// Error that half of its blocks do not reach: a few bright pixels beside a light can hold most of the whole.
@@ -73,6 +75,9 @@ pub enum LampNote {
     Problem(String),
 }
 
+/// Remarks that are listed; a thousand lamps can share a profile of which there is one.
+const LISTED_REMARKS: usize = 12;
+
 /// Width in points that all figures have room in.
 const WIDE: f32 = 1000.0;
 
@@ -99,6 +104,7 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
                 let hint = format!("{hint}{}", worst_words(status.worst_lights));
                 ui.label(RichText::new(format!("{db:.1} dB{median}")).weak()).on_hover_text(hint);
             }
+            remarks_ui(ui, &status.lamp_remarks);
             lamps_ui(ui, &status.lamps, actions);
             if status.opening {
                 let stop = ui.small_button("Stop").on_hover_text("Stop opening the file; what is open stays");
@@ -184,6 +190,29 @@ fn lamps_ui(ui: &mut Ui, note: &LampNote, actions: &mut Vec<Action>) {
     }
 }
 
+/// What there is to know of lamps that shine, which is no reason to worry.
+fn remarks_ui(ui: &mut Ui, remarks: &[String]) {
+    let name = match remarks.len() {
+        0 => return,
+        1 => "Lamps: 1 remark".to_owned(),
+        n_remarks => format!("Lamps: {n_remarks} remarks"),
+    };
+    let lines = remark_lines(remarks);
+    // A click tells it as well, to those who have no pointer that rests.
+    let menu = ui.menu_button(RichText::new(name).weak(), |ui| ui.label(lines.as_str()));
+    menu.response.on_hover_text(lines.as_str());
+}
+
+/// The first remarks, a line each, and how many follow.
+fn remark_lines(remarks: &[String]) -> String {
+    let n_listed = remarks.len().min(LISTED_REMARKS);
+    let lines = remarks[..n_listed].join("\n");
+    match remarks.len() - n_listed {
+        0 => lines,
+        n_more => format!("{lines}\nand {n_more} more"),
+    }
+}
+
 fn device_menu(ui: &mut Ui, wish: DeviceWish, actions: &mut Vec<Action>) {
     for (device, name) in DeviceWish::ALL {
         if ui.radio(wish == device, name).clicked() {
@@ -210,5 +239,13 @@ mod tests {
     #[test]
     fn durations_read_like_a_clock() {
         assert_eq!([0.4, 59.4, 61.0, 7300.0].map(duration), ["0 s", "59 s", "1 min 1 s", "2 h 1 min"]);
+    }
+
+    #[test]
+    fn of_many_remarks_the_first_are_listed_and_the_others_counted() {
+        let lines = |n: usize| remark_lines(&vec!["shines".to_owned(); n]);
+        assert_eq!((lines(1).as_str(), lines(2).as_str()), ("shines", "shines\nshines"));
+        assert_eq!(lines(LISTED_REMARKS).lines().count(), LISTED_REMARKS);
+        assert_eq!(lines(1000).lines().last(), Some("and 988 more"));
     }
 }

@@ -1,10 +1,12 @@
-//! The light of free lamps, off the window's thread: complete at once, finer while the lamps stand still, nothing when done.
+//! The light of free lamps, off the window's thread: complete at once, or where there are too many for that as they come, finer while
+//! the lamps stand still, nothing when done.
 //!
 //! Light is linear, and so every lamp is traced white and kept for itself: a lamp that moves leaves the others alone, and
 //! color and intensity only weigh what is there. A pass of a lamp that has moved on is given up at once.
 
 mod bench;
 mod device;
+mod sums;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,6 +24,7 @@ pub use self::device::on_device;
 
 use super::Wake;
 use super::mailbox::{Clerk, Idle, Mailbox};
+use super::room::left_of_system;
 use crate::crash;
 use crate::illuminance::AddedLux;
 
@@ -60,18 +63,22 @@ pub struct LampOrder {
 pub struct LampLight {
     /// Their direct light, nit; the size is that of the view's film.
     pub direct: Arc<Radiance>,
-    /// What of it arrives at the surfaces seen, lux; where the view measures it, and once all of it is there.
+    /// What of it arrives at the surfaces seen, lux; where the view measures it, and once it is there for all that are not left out.
     pub arriving: Option<Arc<Radiance>>,
     /// Coefficients of the columns of patches: what their light becomes on its further way; empty without patches.
     pub of_patches: Arc<Vec<[f32; 3]>>,
     /// The same of each lamp for itself.
     pub parts: Vec<LampPart>,
+    /// Lamps whose light is not there yet, nor part of any of this; the others took long, and are shown without them.
+    pub left_out: Vec<FreeLamp>,
     /// Number of the order that it answers.
     pub serial: u64,
     /// Whether it does not get any smoother.
     pub is_done: bool,
     /// A sentence for each lamp that cannot shine.
     pub problems: Vec<String>,
+    /// What else there is to know of lamps that shine, in sentences.
+    pub remarks: Vec<String>,
     /// Names of lamps of whose light more than a little is missing, and what; where there are patches.
     pub lacking: Vec<(String, Lacking)>,
 }
@@ -126,9 +133,11 @@ impl LampLight {
             arriving: None,
             of_patches: Arc::default(),
             parts: Vec::new(),
+            left_out: Vec::new(),
             serial,
             is_done: true,
             problems: vec![problem],
+            remarks: Vec::new(),
             lacking: Vec::new(),
         }
     }
@@ -197,6 +206,9 @@ fn work_on(bench: &mut Option<Bench>, order: Option<LampOrder>, mailbox: &LampMa
         let kept = bench.take().filter(|bench| Arc::ptr_eq(&bench.view, &order.view));
         let new = bench.insert(kept.unwrap_or_else(|| Bench::new(order.view.clone())));
         new.take(order);
+        if let Some(free_bytes) = left_of_system() {
+            new.stay_within(free_bytes);
+        }
     }
     let bench = bench.as_mut()?;
     bench.step(&|view, work| is_interrupted(mailbox, view, work));

@@ -12,10 +12,15 @@ use crate::platform::{available_bytes, resident_bytes};
 use crate::room::Needs;
 use crate::sizes::bytes_words;
 
-/// Part of the memory that the system has left which a bake may take: the window and other programs want some, too.
+/// Part of the memory that the system has left which one job may take: the window and other programs want some, too.
 const PART_OF_FREE: f64 = 0.9;
 /// How long what the system said counts for what is shown: a window draws many times a second.
 const SEEN_FOR: Duration = Duration::from_secs(1);
+
+/// Memory that the system leaves to one job, bytes; `None` where it does not say.
+pub(super) fn left_of_system() -> Option<u64> {
+    available_bytes().map(|bytes| (PART_OF_FREE * bytes as f64) as u64)
+}
 
 /// Memory that is left for a bake, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,8 +33,7 @@ impl Room {
     /// What is left of a limit for all of the program, and of what the system has.
     fn now(limit: Option<u64>) -> Room {
         let of_limit = limit.map(|limit| limit.saturating_sub(resident_bytes().unwrap_or(0)));
-        let of_system = available_bytes().map(|bytes| (PART_OF_FREE * bytes as f64) as u64);
-        Room { bytes: of_limit.into_iter().chain(of_system).min() }
+        Room { bytes: of_limit.into_iter().chain(left_of_system()).min() }
     }
 
     /// The most threads, of so many, on which a bake stays within the room.

@@ -1,7 +1,8 @@
 //! Lamps of a look, checked and ready to shine.
 
+use std::collections::HashMap;
 use std::f64::consts::PI;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
@@ -71,6 +72,41 @@ pub enum LampError {
     },
 }
 
+/// Something to know about a lamp that makes sense.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LampWarning {
+    /// It sends no light, although it has a strength; and why.
+    Dark(String),
+    /// It shines, otherwise than somebody may expect.
+    Remark(String),
+}
+
+impl LampWarning {
+    /// What it says.
+    pub fn into_words(self) -> String {
+        let (LampWarning::Dark(words) | LampWarning::Remark(words)) = self;
+        words
+    }
+}
+
+/// Measured distributions that were read, by the paths of their files: a lamp that is prepared again and again, as it moves, needs its
+/// file once. What could not be read is tried again.
+#[derive(Clone, Debug, Default)]
+pub struct KeptProfiles {
+    read: HashMap<PathBuf, Arc<PhotometricProfile>>,
+}
+
+impl KeptProfiles {
+    fn get(&mut self, path: &Path) -> Result<Arc<PhotometricProfile>, String> {
+        if let Some(kept) = self.read.get(path) {
+            return Ok(kept.clone());
+        }
+        let profile = Arc::new(read_profile(path)?);
+        self.read.insert(path.to_owned(), profile.clone());
+        Ok(profile)
+    }
+}
+
 /// Lamps that can be asked what they send where.
 #[derive(Clone, Debug, Default)]
 pub struct PreparedLamps {
@@ -106,21 +142,31 @@ impl PreparedLamps {
     /// # Errors
     /// A lamp whose numbers make no sense, by its name.
     pub fn new(lamps: &[FreeLamp], folder: Option<&Path>) -> Result<(PreparedLamps, Vec<String>), LampError> {
-        let (mut prepared, mut warnings) = (PreparedLamps::default(), Vec::new());
+        let (mut prepared, mut warnings, mut kept) = (PreparedLamps::default(), Vec::new(), KeptProfiles::default());
         for (nth, lamp) in lamps.iter().enumerate() {
             if lamps[..nth].iter().any(|other| other.key == lamp.key) {
                 return Err(LampError::Twice { key: lamp.key.clone() });
             }
-            prepared.lamps.extend(prepare(lamp, folder, &mut warnings)?);
+            prepared.lamps.extend(prepare(lamp, folder, &mut kept, &mut warnings)?);
         }
-        Ok((prepared, warnings))
+        Ok((prepared, warnings.into_iter().map(LampWarning::into_words).collect()))
+    }
+
+    /// A single lamp, as [`PreparedLamps::new`] prepares it, by a profile that is kept if there is one; warnings tell whether it is dark.
+    ///
+    /// # Errors
+    /// If its numbers make no sense, or its profile cannot be read.
+    pub fn of(lamp: &FreeLamp, kept: &mut KeptProfiles) -> Result<(PreparedLamps, Vec<LampWarning>), LampError> {
+        let mut warnings = Vec::new();
+        let lamps = prepare(lamp, None, kept, &mut warnings)?.into_iter().collect();
+        Ok((PreparedLamps { lamps }, warnings))
     }
 
     /// Those of some lamps that can shine, and why each of the others cannot: a file may be gone.
     pub fn able(lamps: &[FreeLamp], folder: Option<&Path>) -> (PreparedLamps, Vec<LampError>) {
-        let (mut able, mut errors) = (PreparedLamps::default(), Vec::new());
+        let (mut able, mut errors, mut kept) = (PreparedLamps::default(), Vec::new(), KeptProfiles::default());
         for lamp in lamps {
-            match prepare(lamp, folder, &mut Vec::new()) {
+            match prepare(lamp, folder, &mut kept, &mut Vec::new()) {
                 Ok(lamp) => able.lamps.extend(lamp),
                 Err(error) => errors.push(error),
             }
@@ -271,18 +317,19 @@ pub(crate) fn lattice(nth: u32) -> Vec2 {
 fn prepare(
     lamp: &FreeLamp,
     folder: Option<&Path>,
-    warnings: &mut Vec<String>,
+    kept: &mut KeptProfiles,
+    warnings: &mut Vec<LampWarning>,
 ) -> Result<Option<PreparedLamp>, LampError> {
     check(lamp)?;
     if lamp.setting.muted {
         return Ok(None);
     }
     let profile = match &lamp.shape {
-        LampShape::Profile { file } => Some(profile(lamp, file, folder)?),
+        LampShape::Profile { file } => Some(profile(lamp, file, folder, kept)?),
         _ => None,
     };
     for remark in profile.iter().flat_map(|profile| profile.remarks()) {
-        warnings.push(format!("lamp `{}`: {remark}", lamp.key));
+        warnings.push(LampWarning::Remark(format!("lamp `{}`: {remark}", lamp.key)));
     }
     let body = Body::of(lamp);
     let strength = native_strength(lamp, body.as_ref().map(|(body, area)| (body, *area)), profile.as_deref())?;
@@ -292,13 +339,13 @@ fn prepare(
         return Err(value_error(lamp, "strength with its color and intensity", value, "what can be shown"));
     }
     if lamp.unit == LampUnit::Nit && lamp.strength > 0.0 && body.is_some_and(|(_, area_m2)| area_m2 <= 0.0) {
-        warnings.push(format!(
+        warnings.push(LampWarning::Dark(format!(
             "lamp `{}` has no area, so that it sends no light by its nit; give it a size, or its strength in lm or cd",
             lamp.key
-        ));
+        )));
     }
     if lamp.aim == lamp.position && lamp.shape.is_aimed() {
-        warnings.push(format!("lamp `{}` aims at itself; it shines down", lamp.key));
+        warnings.push(LampWarning::Remark(format!("lamp `{}` aims at itself; it shines down", lamp.key)));
     }
     let [right, up, ahead] = lamp.frame();
     let form = match (&lamp.shape, body) {
@@ -359,10 +406,15 @@ fn check(lamp: &FreeLamp) -> Result<(), LampError> {
     }
 }
 
-fn profile(lamp: &FreeLamp, file: &str, folder: Option<&Path>) -> Result<Arc<PhotometricProfile>, LampError> {
+fn profile(
+    lamp: &FreeLamp,
+    file: &str,
+    folder: Option<&Path>,
+    kept: &mut KeptProfiles,
+) -> Result<Arc<PhotometricProfile>, LampError> {
     let path = folder.map_or_else(|| Path::new(file).to_owned(), |folder| folder.join(file));
-    let read = read_profile(&path);
-    read.map(Arc::new).map_err(|reason| LampError::Profile { key: lamp.key.clone(), file: file.to_owned(), reason })
+    let failed = |reason| LampError::Profile { key: lamp.key.clone(), file: file.to_owned(), reason };
+    kept.get(&path).map_err(failed)
 }
 
 #[cfg(test)]
@@ -398,5 +450,17 @@ mod tests {
             assert_eq!(told(shape.clone(), LampUnit::Candela), (false, 0));
         }
         assert_eq!(told(LampShape::Disk { radius_m: 0.1 }, LampUnit::Nit), (false, 0));
+    }
+
+    #[test]
+    fn only_a_lamp_without_light_is_called_dark() {
+        let flat = FreeLamp { unit: LampUnit::Nit, ..lamp(LampShape::Disk { radius_m: 0.0 }) };
+        let of = |lamp: FreeLamp| PreparedLamps::of(&lamp, &mut KeptProfiles::default()).expect("a lamp");
+        let (lamps, warnings) = of(FreeLamp { aim: flat.position, ..flat });
+        let is_told = matches!(&warnings[..], [LampWarning::Dark(_), LampWarning::Remark(_)]);
+        assert!(lamps.is_empty() && is_told, "{warnings:?}");
+        let down = lamp(LampShape::Disk { radius_m: 0.1 });
+        let (lamps, warnings) = of(FreeLamp { aim: down.position, ..down });
+        assert!(!lamps.is_empty() && matches!(&warnings[..], [LampWarning::Remark(_)]), "{warnings:?}");
     }
 }

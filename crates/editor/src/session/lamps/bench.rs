@@ -1,20 +1,26 @@
 //! Lamps in a view, pass by pass: each traced white and kept for itself.
 
+mod still;
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clerestory_relight::{Radiance, RelightError};
 use clerestory_transport::arriving::{self, ArrivingPoints};
 use clerestory_transport::camera::Film;
-use clerestory_transport::lamps::{FreeLamp, Lacking, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, KeptProfiles, Lacking, LampWarning, PreparedLamps};
 use clerestory_transport::light::LightSetting;
 use clerestory_transport::patches::Patches;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 use glam::Vec3;
 use rayon::prelude::*;
 
+pub use self::still::StillLamps;
+
 use super::device::LampDevice;
+use super::sums::{Sums, Term};
 use super::{LampLight, LampOrder, LampPart, LampView, Work};
+use crate::sizes::bytes_words;
 
 /// Passes after which a soft shadow is as smooth as it gets.
 const SOFT_PASSES: u32 = 64;
@@ -25,6 +31,8 @@ const STILL_SAMPLES: u32 = 32;
 const MOST_BYTES: usize = 256 << 20;
 /// Time between two pictures while nothing moves.
 const POST_EVERY: Duration = Duration::from_millis(250);
+/// Time after which lamps whose light is there are shown without those that are still to come.
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// A view, and how far its lamps are.
 pub(super) struct Bench {
@@ -40,22 +48,48 @@ pub(super) struct Bench {
     shows_arriving: bool,
     n_samples: usize,
     lamps: Vec<Lit>,
-    problems: Vec<String>,
+    /// Why lamps that were ordered are not among them.
+    failed: Vec<String>,
+    /// Profiles as they were when a lamp first asked for them: whoever wants them read again asks for another view.
+    profiles: KeptProfiles,
+    /// Lamps that were traced so far, to number them.
+    n_traced: u64,
+    /// What is seen of the light of lamps, and what arrives of it, summed.
+    seen_sums: Sums,
+    arriving_sums: Sums,
     /// The graphics device, while it lights the view.
     device: Option<LampDevice>,
     /// Why it does not, although there is one.
     device_problem: Option<String>,
     pub serial: u64,
-    /// The light that was posted last: of which order, how far, when.
-    posted: Option<(u64, u32, Instant)>,
+    /// The light that was posted last.
+    posted: Option<Posted>,
+    /// When the first order came that nothing was posted of yet.
+    waits_since: Instant,
+    /// How long it waits for all of its lamps.
+    patience: Duration,
+}
+
+/// Light that was posted.
+struct Posted {
+    /// Of which order.
+    serial: u64,
+    /// How many passes of all lamps were made, and whether none was left out.
+    n_passes: u32,
+    is_whole: bool,
+    at: Instant,
 }
 
 /// A lamp, and what it lights.
 struct Lit {
+    /// No other one of the view has it.
+    id: u64,
     /// As it shines.
     lamp: FreeLamp,
     /// White and at its full strength.
     prepared: PreparedLamps,
+    /// What there is to say of it, which names it.
+    warnings: Vec<LampWarning>,
     /// Sum over the passes, nit; empty before the first one.
     sum: Arc<Vec<[f32; 3]>>,
     n_passes: u32,
@@ -73,9 +107,29 @@ struct Lit {
 }
 
 impl Lit {
-    /// Whether another lamp is this one but for color, intensity and name.
+    /// A lamp that nothing is known of yet.
+    fn new(id: u64, lamp: FreeLamp, prepared: (PreparedLamps, Vec<LampWarning>), most: (u32, u32)) -> Lit {
+        let (prepared, warnings) = prepared;
+        Lit {
+            id,
+            lamp,
+            prepared,
+            warnings,
+            sum: Arc::default(),
+            n_passes: 0,
+            most_passes: most.0,
+            arriving: Arc::default(),
+            n_arriving: 0,
+            most_arriving: most.1,
+            of_patches: None,
+            lacking: None,
+        }
+    }
+
+    /// Whether another lamp is this one but for color, intensity and, where nothing is said of it, name.
     fn is_like(&self, lamp: &FreeLamp) -> bool {
-        white(&self.lamp) == FreeLamp { key: self.lamp.key.clone(), ..white(lamp) }
+        let is_free = self.warnings.is_empty() || self.lamp.key == lamp.key;
+        is_free && white(&self.lamp) == FreeLamp { key: self.lamp.key.clone(), ..white(lamp) }
     }
 
     /// What lacks most, and how often it was done; nothing where all is done.
@@ -154,44 +208,88 @@ impl Bench {
             shows_arriving: false,
             n_samples: *SAMPLES.end(),
             lamps: Vec::new(),
-            problems: Vec::new(),
+            failed: Vec::new(),
+            profiles: KeptProfiles::default(),
+            n_traced: 0,
+            seen_sums: Sums::default(),
+            arriving_sums: Sums::default(),
             serial: 0,
             posted: None,
+            waits_since: Instant::now(),
+            patience: PATIENCE,
         }
     }
 
     /// Takes over other lamps; what is known of those that stay is kept.
     pub fn take(&mut self, order: LampOrder) {
+        // Lamps that move on before anything is shown do not wait anew with each step.
+        if self.posted.as_ref().is_some_and(|posted| posted.serial == self.serial) {
+            self.waits_since = Instant::now();
+        }
         (self.serial, self.shows_arriving) = (order.serial, order.shows_arriving);
-        self.problems = self.device_problem.iter().cloned().collect();
+        self.failed.clear();
         let mut before = std::mem::take(&mut self.lamps);
         for lamp in order.lamps {
-            if let Some(idx) = before.iter().position(|lit| lit.is_like(&lamp)) {
+            // Most lamps stay as they are, and comparing names is quick.
+            let same = before.iter().position(|lit| lit.lamp.key == lamp.key && lit.is_like(&lamp));
+            if let Some(idx) = same.or_else(|| before.iter().position(|lit| lit.is_like(&lamp))) {
                 self.lamps.push(Lit { lamp, ..before.swap_remove(idx) });
                 continue;
             }
-            match PreparedLamps::new(&[white(&lamp)], None) {
-                Ok((prepared, warnings)) => {
-                    self.problems.extend(warnings);
-                    let (most_passes, most_arriving) = self.most_passes(&lamp);
-                    let (sum, arriving, n_passes, n_arriving) = (Arc::default(), Arc::default(), 0, 0);
-                    let lit = Lit {
-                        lamp,
-                        prepared,
-                        sum,
-                        n_passes,
-                        most_passes,
-                        arriving,
-                        n_arriving,
-                        most_arriving,
-                        of_patches: None,
-                        lacking: None,
-                    };
-                    self.lamps.push(lit);
+            // One that failed is tried again each time: its file may be there now.
+            match PreparedLamps::of(&white(&lamp), &mut self.profiles) {
+                Ok(prepared) => {
+                    let most = self.most_passes(&lamp);
+                    self.n_traced += 1;
+                    self.lamps.push(Lit::new(self.n_traced, lamp, prepared, most));
                 }
-                Err(error) => self.problems.push(error.to_string()),
+                Err(error) => self.failed.push(error.to_string()),
             }
         }
+    }
+
+    /// Leaves out the last of the lamps that would take more memory than is free, and says so. What is known of lamps stays.
+    pub fn stay_within(&mut self, free_bytes: u64) {
+        let (n_ordered, n_most) = (self.lamps.len(), free_bytes / self.lamp_bytes());
+        let mut n_new = 0;
+        self.lamps.retain(|lit| {
+            n_new += u64::from(lit.sum.is_empty());
+            !lit.sum.is_empty() || n_new <= n_most
+        });
+        let n_left_out = n_ordered - self.lamps.len();
+        if n_left_out > 0 {
+            let Film { width, height } = self.view.film;
+            self.failed.push(format!(
+                "there is no memory for the light of {n_left_out} of {n_ordered} lamps: in a picture of {width} × {height} it would take \
+                 about {}, and {} may be taken; use fewer lamps or a smaller picture",
+                bytes_words(n_left_out as u64 * self.lamp_bytes()),
+                bytes_words(free_bytes)
+            ));
+        }
+    }
+
+    /// Memory that the light of a lamp takes, bytes. It is there twice where a pass is added to what was posted.
+    fn lamp_bytes(&self) -> u64 {
+        let n_sums = if self.view.measures { 2 } else { 1 };
+        2 * n_sums * (size_of::<[f32; 3]>() * self.view.film.n_pixels()).max(1) as u64
+    }
+
+    /// Why lamps are dark.
+    fn problems(&self) -> Vec<String> {
+        let dark = self.lamps.iter().flat_map(|lit| &lit.warnings).filter_map(|warning| match warning {
+            LampWarning::Dark(words) => Some(words),
+            LampWarning::Remark(_) => None,
+        });
+        self.failed.iter().chain(dark).cloned().collect()
+    }
+
+    /// What else there is to know of the lamps.
+    fn remarks(&self) -> Vec<String> {
+        let remarks = self.lamps.iter().flat_map(|lit| &lit.warnings).filter_map(|warning| match warning {
+            LampWarning::Remark(words) => Some(words),
+            LampWarning::Dark(_) => None,
+        });
+        self.device_problem.iter().chain(remarks).cloned().collect()
     }
 
     /// Passes that a lamp takes, of what is seen and of what arrives.
@@ -209,7 +307,7 @@ impl Bench {
 
     /// Whether all of it was posted.
     pub fn is_done(&self) -> bool {
-        self.next().is_none() && self.posted.is_some_and(|(serial, _, _)| serial == self.serial)
+        self.next().is_none() && self.posted.as_ref().is_some_and(|posted| posted.serial == self.serial)
     }
 
     /// One more pass of what lacks most.
@@ -258,21 +356,19 @@ impl Bench {
                 Ok(Some(light)) => return Some(light),
                 Ok(None) if stop() => return None,
                 Ok(None) => {}
-                Err(error) => {
-                    (self.device, self.device_problem) = (None, Some(on_cpu(&error)));
-                    self.problems.extend(self.device_problem.clone());
-                }
+                Err(error) => (self.device, self.device_problem) = (None, Some(on_cpu(&error))),
             }
         }
         let spare = self.spare.as_ref().filter(|(nth, _)| *nth == sample).map(|(_, points)| points);
         self.points.get(sample).or(spare)?.direct(&view.scene, lamp, round, stop)
     }
 
-    /// Which sample of the pixels a pass takes, and how often it was taken before: first each that there is, then those that are kept.
+    /// Which sample of the pixels a pass takes, and in which round: first each that there is, then those that are kept. Where these are
+    /// less than a quarter, all take turns: edges would mostly be those of the few.
     fn sample_of(&self, pass: u32) -> (usize, u32) {
-        let kept = self.n_samples as u32;
-        let round = if pass < self.most_samples.max(kept) { 0 } else { pass / kept };
-        (if round == 0 { pass } else { pass % kept } as usize, round)
+        let (kept, all) = (self.n_samples as u32, self.most_samples.max(self.n_samples as u32));
+        let taken = if pass < all || 4 * kept < all { all } else { kept };
+        ((pass % taken) as usize, pass / taken)
     }
 
     /// Looks at what the pixels see in a sample, if that is not known; `None` when `stop` asked to.
@@ -321,98 +417,67 @@ impl Bench {
 
     /// The light as far as it is, where it is time to show it.
     pub fn news(&mut self) -> Option<LampLight> {
+        let (there, missing): (Vec<&Lit>, Vec<&Lit>) =
+            self.lamps.iter().partition(|lit| lit.is_whole(self.shows_arriving));
         let n_passes = self.lamps.iter().map(|lit| lit.n_passes + lit.n_arriving).sum();
-        let is_whole = self.lamps.iter().all(|lit| lit.is_whole(self.shows_arriving));
-        let is_measured = self.view.measures && self.lamps.iter().all(|lit| lit.n_arriving > 0);
-        let is_done = self.next().is_none();
-        let is_due = match self.posted {
-            Some((serial, before, at)) if serial == self.serial => {
-                n_passes > before && (is_done || at.elapsed() > POST_EVERY)
-            }
-            _ => true,
-        };
-        if !is_whole || !is_due {
+        let now = Posted { serial: self.serial, n_passes, is_whole: missing.is_empty(), at: Instant::now() };
+        let is_late = !there.is_empty() && now.at.saturating_duration_since(self.waits_since) >= self.patience;
+        if !(now.is_whole || is_late) || !self.is_news(&now) {
             return None;
         }
-        self.posted = Some((self.serial, n_passes, Instant::now()));
+        self.posted = Some(now);
+        let is_measured = self.view.measures && there.iter().all(|lit| lit.n_arriving > 0);
+        let seen = || terms(&there, |lit| (lit.sum.as_slice(), lit.n_passes));
+        let arriving = || terms(&there, |lit| (lit.arriving.as_slice(), lit.n_arriving));
+        let film = self.view.film;
         Some(LampLight {
-            direct: Arc::new(self.summed(|lit| (lit.sum.as_slice(), lit.n_passes))),
-            arriving: is_measured.then(|| Arc::new(self.summed(|lit| (lit.arriving.as_slice(), lit.n_arriving)))),
-            of_patches: Arc::new(self.of_patches()),
-            parts: self.lamps.iter().map(Lit::part).collect(),
+            direct: summed(&mut self.seen_sums, film, &seen()),
+            arriving: is_measured.then(|| summed(&mut self.arriving_sums, film, &arriving())),
+            of_patches: Arc::new(of_patches(&self.view, &there)),
+            parts: there.iter().map(|lit| lit.part()).collect(),
+            left_out: missing.iter().map(|lit| lit.lamp.clone()).collect(),
             serial: self.serial,
-            is_done,
-            problems: self.problems.clone(),
-            lacking: self.lamps.iter().filter_map(|lit| Some((lit.lamp.key.clone(), lit.lacking?))).collect(),
+            is_done: self.next().is_none(),
+            problems: self.problems(),
+            remarks: self.remarks(),
+            lacking: there.iter().filter_map(|lit| Some((lit.lamp.key.clone(), lit.lacking?))).collect(),
         })
     }
 
-    /// The mean of some passes of each lamp in its color, summed.
-    fn summed(&self, of: impl Fn(&Lit) -> (&[[f32; 3]], u32)) -> Radiance {
-        let Film { width, height } = self.view.film;
-        let mut sum = Radiance::new(width, height);
-        for lit in &self.lamps {
-            let (light, n_passes) = of(lit);
-            let weight = (weight(&lit.lamp) / n_passes as f32).to_array();
-            let pixels = sum.pixels.par_iter_mut().zip(light.par_iter());
-            pixels.for_each(|(sum, light)| (0..3).for_each(|c| sum[c] += weight[c] * light[c]));
-        }
-        sum
-    }
-
-    fn of_patches(&self) -> Vec<[f32; 3]> {
-        let n_columns = self.view.patches.as_ref().map_or(0, Patches::n_columns);
-        let mut sum = vec![[0.0; 3]; n_columns];
-        for lit in &self.lamps {
-            let weight = weight(&lit.lamp).to_array();
-            for (sum, light) in sum.iter_mut().zip(lit.of_patches.iter().flat_map(|of_patches| of_patches.iter())) {
-                (0..3).for_each(|c| sum[c] += weight[c] * light[c]);
-            }
-        }
-        sum
+    /// Whether light is to be posted after what was: all of it that was asked for, or what is better, now and then.
+    fn is_news(&self, now: &Posted) -> bool {
+        let Some(before) = self.posted.as_ref().filter(|before| before.serial == now.serial) else { return true };
+        let is_complete = self.next().is_none() || (now.is_whole && !before.is_whole);
+        now.n_passes > before.n_passes && (is_complete || before.at.elapsed() > POST_EVERY)
     }
 }
 
-/// The light of lamps as smooth as it gets, for pictures that wait for it. Lamps that stay from one look to the next are traced once.
-pub struct StillLamps {
-    bench: Bench,
-    /// The light that was put together last, and of which lamps.
-    last: Option<(Vec<FreeLamp>, LampLight)>,
+/// The light of lamps as a sum takes it: the mean of some passes of each in its color.
+fn terms<'a>(lamps: &[&'a Lit], of: impl Fn(&'a Lit) -> (&'a [[f32; 3]], u32)) -> Vec<Term<'a>> {
+    let term = |&lit: &&'a Lit| {
+        let (light, n_passes) = of(lit);
+        Term { of: (lit.id, n_passes), weight: (weight(&lit.lamp) / n_passes as f32).to_array(), light }
+    };
+    lamps.iter().map(term).collect()
 }
 
-impl StillLamps {
-    /// In a view, as smooth as frames want it.
-    pub fn new(view: Arc<LampView>) -> StillLamps {
-        StillLamps { bench: Bench { most_samples: *SAMPLES.end() as u32, ..Bench::new(view) }, last: None }
-    }
+/// Their sum as a picture.
+fn summed(sums: &mut Sums, film: Film, terms: &[Term<'_>]) -> Arc<Radiance> {
+    let Film { width, height } = film;
+    Arc::new(Radiance { width, height, pixels: sums.of(terms, film.n_pixels()) })
+}
 
-    /// The same, as fine as the window shows lamps that stand still.
-    pub fn fine(view: Arc<LampView>) -> StillLamps {
-        StillLamps { bench: Bench::new(view), last: None }
-    }
-
-    /// The light of some lamps, those that are muted left out; `None` if it was stopped.
-    pub fn light(&mut self, lamps: &[FreeLamp], stop: &(dyn Fn() -> bool + Sync)) -> Option<LampLight> {
-        let shining: Vec<FreeLamp> = lamps.iter().filter(|lamp| !lamp.setting.muted).cloned().collect();
-        if self.last.as_ref().is_none_or(|(of, _)| *of != shining) {
-            self.last = None;
-            let light = self.traced(shining.clone(), stop)?;
-            self.last = Some((shining, light));
+/// What lamps bring to the columns of patches.
+fn of_patches(view: &LampView, lamps: &[&Lit]) -> Vec<[f32; 3]> {
+    let n_columns = view.patches.as_ref().map_or(0, Patches::n_columns);
+    let mut sum = vec![[0.0; 3]; n_columns];
+    for lit in lamps {
+        let weight = weight(&lit.lamp).to_array();
+        for (sum, light) in sum.iter_mut().zip(lit.of_patches.iter().flat_map(|of_patches| of_patches.iter())) {
+            (0..3).for_each(|c| sum[c] += weight[c] * light[c]);
         }
-        self.last.as_ref().map(|(_, light)| light.clone())
     }
-
-    fn traced(&mut self, shining: Vec<FreeLamp>, stop: &(dyn Fn() -> bool + Sync)) -> Option<LampLight> {
-        let (view, serial) = (self.bench.view.clone(), self.bench.serial + 1);
-        self.bench.take(LampOrder { view, lamps: shining, shows_arriving: true, serial });
-        while self.bench.next().is_some() {
-            if stop() {
-                return None;
-            }
-            self.bench.step(&|_, _| stop());
-        }
-        self.bench.news()
-    }
+    sum
 }
 
 /// What a lamp's setting makes of its white light.
@@ -421,66 +486,4 @@ fn weight(lamp: &FreeLamp) -> Vec3 {
 }
 
 #[cfg(test)]
-mod tests {
-    use clerestory_transport::import;
-    use clerestory_transport::lamps::{LampShape, LampUnit};
-    use clerestory_transport::prepared::PreparedScene;
-
-    use super::*;
-
-    /// The closed room, and a lamp in it.
-    fn lit_room() -> (Arc<LampView>, FreeLamp) {
-        let scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
-        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
-        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
-        let view = Arc::new(LampView { scene, camera, film, patches: None, measures: true, device: None });
-        let position = Vec3::new(0.0, 0.2, -0.3);
-        let (shape, setting) = (LampShape::Point, LightSetting::default());
-        let (strength, unit) = (100.0, LampUnit::Lumen);
-        let lamp = FreeLamp {
-            key: "a".into(),
-            shape,
-            position,
-            aim: position - Vec3::Y,
-            strength,
-            unit,
-            setting,
-            turn_rad: 0.0,
-            replaces: None,
-        };
-        (view, lamp)
-    }
-
-    #[test]
-    fn samples_are_as_many_as_what_they_take_leaves_room_for() {
-        assert_eq!([1, 0].map(|bytes| samples_within(100, bytes)), [8, 8]);
-        assert_eq!([25, 50, 51, 1000].map(|bytes| samples_within(100, bytes)), [4, 2, 2, 2]);
-        let (view, lamp) = lit_room();
-        let mut bench = Bench::new(view.clone());
-        bench.take(LampOrder { view: view.clone(), lamps: vec![lamp.clone()], shows_arriving: true, serial: 1 });
-        bench.step(&|_, _| false);
-        let each = bench.points[0].n_bytes() + arriving::POINT_BYTES * view.film.n_pixels();
-        assert!(each > 64 * view.film.n_pixels(), "{each}");
-        bench.keep_within(3 * each);
-        while bench.next().is_some() {
-            bench.step(&|_, _| false);
-        }
-        assert_eq!((bench.points.len(), bench.arriving.len(), bench.n_samples), (3, 3, 3));
-        assert_eq!((bench.lamps[0].n_passes, bench.lamps[0].n_arriving), (STILL_SAMPLES, 3));
-        assert_eq!(bench.spare.as_ref().map(|(nth, _)| *nth), Some(31), "samples that do not fit are looked for again");
-        let all_kept = StillLamps::fine(view).light(&[lamp], &|| false).unwrap();
-        assert!(bench.news().unwrap().direct.pixels == all_kept.direct.pixels, "and give the same light");
-    }
-
-    #[test]
-    fn light_that_was_put_together_is_kept_for_as_long_as_the_lamps_stay() {
-        let (view, lamp) = lit_room();
-        let mut still = StillLamps::new(view);
-        let mut light = |lamp: &FreeLamp| still.light(std::slice::from_ref(lamp), &|| false).unwrap();
-        let first = light(&lamp);
-        assert!(Arc::ptr_eq(&first.direct, &light(&lamp).direct));
-        let other = light(&FreeLamp { strength: 200.0, ..lamp.clone() });
-        assert!(other.direct.pixels != first.direct.pixels);
-        assert!(light(&lamp).direct.pixels == first.direct.pixels);
-    }
-}
+mod tests;

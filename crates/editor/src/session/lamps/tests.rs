@@ -206,3 +206,53 @@ fn a_lamp_that_makes_no_sense_is_told_and_the_others_shine() {
     assert!(light.problems.len() == 1 && light.problems[0].contains("`broken`"), "{:?}", light.problems);
     assert!(mean(&light) > 0.0);
 }
+
+#[test]
+fn a_lamp_that_moves_keeps_its_profile_until_files_are_to_be_read_again() {
+    let (folder, worker) = (tempfile::tempdir().unwrap(), worker().0);
+    let file = folder.path().join("even.ies");
+    let even = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0\n1 1 10\n0 180\n0\n100 100\n";
+    std::fs::write(&file, even).unwrap();
+    let shape = LampShape::Profile { file: file.display().to_string() };
+    let lit = |view: &Arc<LampView>, serial: u64, x: f32| {
+        let lamps = vec![FreeLamp { shape: shape.clone(), ..lamp("even", x) }];
+        worker.order(LampOrder { view: view.clone(), lamps, shows_arriving: false, serial });
+        wait(&worker, |light| light.serial == serial)
+    };
+    let first = view();
+    assert!(mean(&lit(&first, 1, 0.0)) > 0.0);
+    std::fs::remove_file(&file).unwrap();
+    let moved = lit(&first, 2, 0.2);
+    assert!(mean(&moved) > 0.0 && moved.problems.is_empty(), "{:?}", moved.problems);
+    // What the window does where a file is to be read again.
+    let again = lit(&Arc::new((*first).clone()), 3, 0.2);
+    assert!(matches!(&again.problems[..], [words] if words.contains("even.ies")), "{:?}", again.problems);
+}
+
+#[test]
+fn what_is_said_of_a_lamp_stays_while_another_one_moves() {
+    let view = view();
+    let flat = LampShape::Rectangle { size_m: [1.0, 0.0] };
+    let dark = FreeLamp { shape: flat, unit: LampUnit::Nit, ..lamp("dark", 0.0) };
+    let broken = FreeLamp { unit: LampUnit::Lux, ..lamp("broken", 0.0) };
+    let disk = FreeLamp { shape: LampShape::Disk { radius_m: 0.1 }, ..lamp("own", 0.2) };
+    let own = FreeLamp { aim: disk.position, ..disk };
+    let mut bench = Bench::new(view.clone());
+    let mut said = |x: f32, dark: &FreeLamp, serial: u64| {
+        let lamps = vec![dark.clone(), broken.clone(), own.clone(), lamp("moves", x)];
+        bench.take(LampOrder { view: view.clone(), lamps, shows_arriving: false, serial });
+        let light = loop {
+            bench.step(&|_, _| false);
+            if let Some(light) = bench.news() {
+                break light;
+            }
+        };
+        (light.problems, light.remarks)
+    };
+    let first = said(0.0, &dark, 1);
+    let are_named = first.0.len() == 2 && first.0[0].contains("`broken`") && first.0[1].contains("`dark`");
+    assert!(are_named && first.1.len() == 1 && first.1[0].contains("`own`"), "{first:?}");
+    assert_eq!(said(0.3, &dark, 2), first);
+    let (problems, _) = said(0.3, &FreeLamp { key: "other".into(), ..dark }, 3);
+    assert!(problems[1].contains("`other`"), "{problems:?}");
+}

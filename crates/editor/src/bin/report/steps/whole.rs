@@ -97,9 +97,10 @@ impl Window {
         let (view, serial) = (self.view.clone(), self.n_orders);
         let lamps = self.standing.iter().cloned().chain([lamp]).collect();
         self.lamps.order(LampOrder { view, lamps, shows_arriving: false, serial });
-        let is_it = |light: &LampLight| light.serial == serial;
+        let is_it = |light: &LampLight| light.serial == serial && light.left_out.is_empty();
         let light = wait_for(&self.woken, || self.lamps.take().filter(is_it))?;
-        ensure!(light.problems.is_empty(), "{}", light.problems.join("; "));
+        let told = [light.problems.as_slice(), light.remarks.as_slice()].concat();
+        ensure!(told.is_empty(), "{}", told.join("; "));
         ensure!(light.parts.len() == self.standing.len() + 1, "{} lamps shine", light.parts.len());
         let coefficients = self.shown.coefficients(&LightRig::default(), Some(&light));
         match &mut self.maker {

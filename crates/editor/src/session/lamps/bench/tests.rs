@@ -1,0 +1,174 @@
+use clerestory_transport::import;
+use clerestory_transport::lamps::{LampShape, LampUnit};
+use clerestory_transport::prepared::PreparedScene;
+
+use super::*;
+
+/// The closed room, and a lamp in it.
+fn lit_room() -> (Arc<LampView>, FreeLamp) {
+    let scene = import::load_bytes("room.gltf", include_bytes!("../../../../tests/room.gltf")).unwrap().scene;
+    let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+    let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
+    let view = Arc::new(LampView { scene, camera, film, patches: None, measures: true, device: None });
+    let position = Vec3::new(0.0, 0.2, -0.3);
+    let (shape, setting) = (LampShape::Point, LightSetting::default());
+    let (strength, unit) = (100.0, LampUnit::Lumen);
+    let lamp = FreeLamp {
+        key: "a".into(),
+        shape,
+        position,
+        aim: position - Vec3::Y,
+        strength,
+        unit,
+        setting,
+        turn_rad: 0.0,
+        replaces: None,
+    };
+    (view, lamp)
+}
+
+/// The same lamp at another place in the room.
+fn placed(lamp: &FreeLamp, key: &str, x: f32) -> FreeLamp {
+    FreeLamp { key: key.into(), position: Vec3::new(x, 0.2, -0.3), ..lamp.clone() }
+}
+
+#[test]
+fn samples_are_as_many_as_what_they_take_leaves_room_for() {
+    assert_eq!([1, 0].map(|bytes| samples_within(100, bytes)), [8, 8]);
+    assert_eq!([25, 50, 51, 1000].map(|bytes| samples_within(100, bytes)), [4, 2, 2, 2]);
+    let (view, lamp) = lit_room();
+    let mut bench = Bench::new(view.clone());
+    bench.take(LampOrder { view: view.clone(), lamps: vec![lamp.clone()], shows_arriving: true, serial: 1 });
+    bench.step(&|_, _| false);
+    let each = bench.points[0].n_bytes() + arriving::POINT_BYTES * view.film.n_pixels();
+    assert!(each > 64 * view.film.n_pixels(), "{each}");
+    bench.keep_within(3 * each);
+    while bench.next().is_some() {
+        bench.step(&|_, _| false);
+    }
+    assert_eq!((bench.points.len(), bench.arriving.len(), bench.n_samples), (3, 3, 3));
+    assert_eq!((bench.lamps[0].n_passes, bench.lamps[0].n_arriving), (STILL_SAMPLES, 3));
+    assert_eq!(bench.spare.as_ref().map(|(nth, _)| *nth), Some(31), "samples that do not fit are looked for again");
+    let all_kept = StillLamps::fine(view).light(&[lamp], &|| false).unwrap();
+    assert!(bench.news().unwrap().direct.pixels == all_kept.direct.pixels, "and give the same light");
+}
+
+#[test]
+fn few_samples_that_are_kept_are_taken_no_more_often_than_the_others() {
+    let mut bench = Bench::new(lit_room().0);
+    let of_soft = |bench: &Bench| -> Vec<(usize, u32)> { (0..SOFT_PASSES).map(|p| bench.sample_of(p)).collect() };
+    let most_often = |taken: &[(usize, u32)]| {
+        let n_taken = |sample: usize| taken.iter().filter(|(of, _)| *of == sample).count();
+        (0..STILL_SAMPLES as usize).map(n_taken).max()
+    };
+    for n_samples in [2, 5, 8] {
+        bench.n_samples = n_samples;
+        let taken = of_soft(&bench);
+        let n_seen = taken.iter().enumerate().filter(|(nth, one)| !taken[..*nth].contains(one)).count();
+        assert_eq!(n_seen, taken.len(), "no pass is another one's");
+        assert_eq!(most_often(&taken), Some(if n_samples < 8 { 2 } else { 5 }));
+    }
+    // Frames look for few samples, and for none of them again and again.
+    (bench.most_samples, bench.n_samples) = (8, 2);
+    assert_eq!(bench.sample_of(SOFT_PASSES - 1), (1, 31));
+}
+
+#[test]
+fn a_picture_is_the_sum_of_what_its_lamps_bring_whichever_of_them_changes() {
+    let (view, lamp) = lit_room();
+    let at = |key: &str, x: f32| placed(&lamp, key, x);
+    let red = LightSetting { intensity: 3.0, color: Some([1.0, 0.0, 0.5]), ..LightSetting::default() };
+    let orders = [
+        vec![at("a", 0.1), at("b", 0.3), at("c", -0.3)],
+        vec![at("a", 0.2), at("b", 0.3), at("c", -0.3)],
+        vec![at("a", 0.25), at("b", 0.3), at("c", -0.3)],
+        vec![at("a", 0.25), FreeLamp { setting: red, ..at("b", 0.3) }, at("c", -0.3)],
+        vec![at("a", 0.25), at("c", -0.3)],
+    ];
+    let mut bench = Bench::new(view.clone());
+    for (serial, lamps) in (1..).zip(orders) {
+        let n_lamps = lamps.len();
+        bench.take(LampOrder { view: view.clone(), lamps, shows_arriving: true, serial });
+        let light = loop {
+            bench.step(&|_, _| false);
+            if let Some(light) = bench.news() {
+                break light;
+            }
+        };
+        assert_eq!(light.parts.len(), n_lamps);
+        let arriving = light.arriving.unwrap();
+        for (pixel, (direct, lux)) in (0..).zip(light.direct.pixels.iter().zip(&arriving.pixels)) {
+            let seen: Vec3 = light.parts.iter().map(|part| part.direct(pixel)).sum();
+            let measured: Vec3 = light.parts.iter().map(|part| part.arriving(pixel)).sum();
+            for (found, expected) in [(*direct, seen), (*lux, measured)] {
+                let is_it = Vec3::from(found).distance(expected) <= 1e-4 * (1.0 + expected.length());
+                assert!(is_it, "order {serial}, pixel {pixel}: {found:?} is not {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn lamps_that_are_there_are_shown_where_the_others_take_long() {
+    let (view, lamp) = lit_room();
+    let at = |key: &str, x: f32| placed(&lamp, key, x);
+    let lamps = vec![at("a", 0.1), at("b", 0.3), at("c", -0.3)];
+    let mut bench = Bench { patience: Duration::MAX, ..Bench::new(view.clone()) };
+    bench.take(LampOrder { view: view.clone(), lamps, shows_arriving: false, serial: 1 });
+    bench.step(&|_, _| false);
+    assert!(bench.news().is_none(), "a picture is whole, unless that takes long");
+    bench.patience = Duration::ZERO;
+    let first = bench.news().unwrap();
+    let keys = |light: &LampLight| -> Vec<String> { light.parts.iter().map(|part| part.key.clone()).collect() };
+    let missing: Vec<&str> = first.left_out.iter().map(|lamp| lamp.key.as_str()).collect();
+    assert_eq!((keys(&first), missing, first.is_done), (vec!["a".to_owned()], vec!["b", "c"], false));
+    let alone = first.direct.pixels.iter().zip(0..).all(|(found, pixel)| {
+        let own = first.parts[0].direct(pixel);
+        Vec3::from(*found).distance(own) <= 1e-4 * (1.0 + own.length())
+    });
+    assert!(alone && first.direct.pixels.iter().any(|rgb| rgb[1] > 0.0));
+    bench.patience = Duration::MAX;
+    bench.step(&|_, _| false);
+    assert!(bench.news().is_none());
+    bench.step(&|_, _| false);
+    let whole = bench.news().unwrap();
+    assert!(whole.left_out.is_empty(), "it is shown at once");
+    assert_eq!(keys(&whole), ["a", "b", "c"]);
+}
+
+#[test]
+fn lamps_whose_light_finds_no_memory_are_told_and_the_others_shine() {
+    let (view, lamp) = lit_room();
+    let at = |key: &str, x: f32| placed(&lamp, key, x);
+    let lamps = vec![at("a", 0.1), at("b", 0.3), at("c", -0.3)];
+    let mut bench = Bench::new(view.clone());
+    // What is lit already takes no more than it has.
+    for (serial, n_fit) in [(1, 2), (2, 0)] {
+        bench.take(LampOrder { view: view.clone(), lamps: lamps.clone(), shows_arriving: false, serial });
+        bench.stay_within(n_fit * bench.lamp_bytes());
+        let light = loop {
+            bench.step(&|_, _| false);
+            if let Some(light) = bench.news() {
+                break light;
+            }
+        };
+        assert!(light.parts.iter().map(|part| part.key.as_str()).eq(["a", "b"]));
+        let is_told = |words: &str| words.contains("1 of 3 lamps") && words.contains("32 × 24");
+        assert!(matches!(&light.problems[..], [words] if is_told(words)), "{:?}", light.problems);
+    }
+    bench.take(LampOrder { view, lamps, shows_arriving: false, serial: 3 });
+    bench.stay_within(bench.lamp_bytes());
+    assert!(bench.lamps.len() == 3 && bench.problems().is_empty(), "there is memory again");
+}
+
+#[test]
+fn light_that_was_put_together_is_kept_for_as_long_as_the_lamps_stay() {
+    let (view, lamp) = lit_room();
+    let mut still = StillLamps::new(view);
+    let mut light = |lamp: &FreeLamp| still.light(std::slice::from_ref(lamp), &|| false).unwrap();
+    let first = light(&lamp);
+    assert!(Arc::ptr_eq(&first.direct, &light(&lamp).direct));
+    let other = light(&FreeLamp { strength: 200.0, ..lamp.clone() });
+    assert!(other.direct.pixels != first.direct.pixels);
+    assert!(light(&lamp).direct.pixels == first.direct.pixels);
+}
