@@ -166,19 +166,20 @@ fn baked_goals(goals: &mut Goals, found: &[Row], n_cols: usize, target_db: f64) 
         return Ok(());
     }
     // All methods are packed alike, so that others have right factors in cosines, too.
-    let both: [(&str, usize, fn(&Found) -> String); 2] = [
-        ("as unpacked", 0, |found| format!("{:.0}", found.multiply_adds[0])),
-        ("in cosines", 1, |found| format!("{:.0}", found.multiply_adds[1])),
-    ];
-    for (how, nth, figure) in both {
+    let as_unpacked: Figure = |found| format!("{:.0}", found.multiply_adds[0]);
+    let in_cosines: Figure = |found| format!("{:.0}", found.multiply_adds[1]);
+    for (nth, (how, figure)) in [("as unpacked", as_unpacked), ("in cosines", in_cosines)].into_iter().enumerate() {
         goals.at_most(format!("multiply-adds {how}, {at}"), MULTIPLY_ADDS, ours.multiply_adds[nth], figure(ours));
         goals.beside(beside(found, figure));
     }
     Ok(())
 }
 
+/// A figure of a row, in words.
+type Figure = fn(&Found) -> String;
+
 /// Figures of all methods but ours, in words.
-fn beside(found: &[Row], value: fn(&Found) -> String) -> String {
+fn beside(found: &[Row], value: Figure) -> String {
     found[1..].iter().map(|row| row.words(value)).collect::<Vec<_>>().join(", ")
 }
 
