@@ -155,6 +155,16 @@ impl ColumnErrors {
         self.db(0).fold(f64::INFINITY, f64::min)
     }
 
+    /// Whether those of more than half of the columns are their standard errors.
+    pub fn is_mostly_bound(&self) -> bool {
+        2 * self.are_bounds.iter().filter(|is_bound| **is_bound).count() > self.are_bounds.len()
+    }
+
+    /// Whether that of the worst column is its standard error.
+    pub fn is_worst_bound(&self) -> bool {
+        self.worst().is_some_and(|worst| self.are_bounds[worst])
+    }
+
     /// Which of the columns is the worst; `None` of none.
     pub fn worst(&self) -> Option<usize> {
         (0..self.squares.len()).max_by(|&i, &j| self.squares[i][0].total_cmp(&self.squares[j][0]))
@@ -231,6 +241,9 @@ mod tests {
         let of = |are_bounds: [bool; 3]| {
             let errors = ColumnErrors { squares: squares.clone(), are_bounds: are_bounds.to_vec() };
             assert_eq!(errors.worst(), Some(1));
+            assert_eq!((errors.is_mostly_bound(), errors.is_worst_bound()), (false, are_bounds[1]));
+            let all = ColumnErrors { squares: squares.clone(), are_bounds: vec![true, are_bounds[1], true] };
+            assert!(all.is_mostly_bound());
             errors.median_and_worst().expect("columns").map(|told| told_words(&[told]))
         };
         assert_eq!(of([true, false, false]), ["30.0", "20.0"]);
