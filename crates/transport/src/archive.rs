@@ -185,6 +185,7 @@ pub fn rebake_to_file(
     on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
 ) -> Result<Option<Bake>, BakeError> {
     if reuse.n_added_rows() > 0 {
+        let job = reuse.regrouped(job);
         let header = reuse.header_with_rows(&job, &Focus::default())?;
         return keep(header, path, restart, on_event, |header, done, mut on_event| {
             job.run_rows(reuse, &header, done, &Focus::default(), &mut on_event)
