@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use clerestory_transport::archive::{self, Restart};
@@ -100,6 +100,7 @@ fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Consol
         options.view.threads = Some(estimate::fit(limit_bytes, &mut job, args, console)?);
     }
     let earlier = Earlier::find(&job, args, output, console)?;
+    job.passes = from_now(job.passes, args.options.seconds);
     let (kept, restart) = (|| kept_words(output, restart(&args.options)), restart(&args.options));
     let (bake, times) = run_with_progress(console, &options, &kept, |on_event| {
         match earlier.as_ref().and_then(|earlier| earlier.reuse.as_ref().ok()) {
@@ -192,6 +193,14 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
     };
     let passes = options.seconds.map_or(passes, |limit| Passes::Until(Instant::now() + limit));
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes, irradiance: Vec::new() }
+}
+
+/// The passes of a bake that begins now: what was read and tried before takes nothing of its time.
+fn from_now(passes: Passes, limit: Option<Duration>) -> Passes {
+    match (passes, limit) {
+        (Passes::Until(_), Some(limit)) => Passes::Until(Instant::now() + limit),
+        (passes, _) => passes,
+    }
 }
 
 /// Runs a bake with a bar, on the threads asked for, and keeps the time. `kept` says what is left of it when it is
@@ -400,6 +409,15 @@ fn skipped_words(skipped: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_time_of_a_bake_begins_with_it() {
+        let (begun, hour) = (Instant::now(), Duration::from_secs(3600));
+        let Passes::Until(at) = from_now(Passes::Until(begun), Some(hour)) else { panic!("it has a time") };
+        assert!(at >= begun + hour);
+        assert_eq!(from_now(Passes::FinalOnly, Some(hour)), Passes::FinalOnly);
+        assert_eq!(from_now(Passes::PreviewAndFinal, None), Passes::PreviewAndFinal);
+    }
 
     #[test]
     fn blocks_of_the_preview_are_told_where_there_are_some() {
