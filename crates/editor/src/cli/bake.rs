@@ -101,7 +101,7 @@ fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Consol
     }
     let earlier = Earlier::find(&job, args, output, console)?;
     job.passes = from_now(job.passes, args.options.seconds);
-    let (kept, restart) = (|| kept_words(output, restart(&args.options)), restart(&args.options));
+    let (kept, restart) = (|| left_behind(output, restart(&args.options)), restart(&args.options));
     let (bake, times) = run_with_progress(console, &options, &kept, |on_event| {
         match earlier.as_ref().and_then(|earlier| earlier.reuse.as_ref().ok()) {
             Some(reuse) => archive::rebake_to_file(job, reuse, output, restart, on_event),
@@ -119,7 +119,7 @@ fn bake_images(folder: &Path, output: &Path, args: &BakeArgs, console: &mut Cons
     let mut remarks = Vec::new();
     let job = stack_job(&stack, &args.options);
     job.check_memory(memory_bytes())?;
-    let kept = || kept_words(output, restart(&args.options));
+    let kept = || left_behind(output, restart(&args.options));
     let baked = run_with_progress(console, &args.options, &kept, |on_event| {
         let Some(surveyed) = job.survey(on_event)? else { return Ok(None) };
         remarks = surveyed.remarks();
@@ -158,7 +158,12 @@ fn restart(options: &BakeOptions) -> Restart {
     if options.fresh || options.seconds.is_some() { Restart::Fresh } else { Restart::Resume }
 }
 
-/// What a bake that is stopped leaves behind.
+/// What a bake that is stopped leaves behind; of a file that it was writing nothing.
+fn left_behind(output: &Path, restart: Restart) -> String {
+    archive::beside::discard(output);
+    kept_words(output, restart)
+}
+
 fn kept_words(output: &Path, restart: Restart) -> String {
     let part = archive::part_of(output);
     match part.exists() {
@@ -409,6 +414,17 @@ fn skipped_words(skipped: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_bake_that_is_stopped_while_it_writes_leaves_no_temporary_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("a.transport");
+        let (temporary, _file) = archive::beside::temporary(&output).unwrap();
+        std::fs::write(archive::part_of(&output), "").unwrap();
+        let said = left_behind(&output, Restart::Resume);
+        assert!(said.contains("a.transport.part") && !temporary.exists(), "{said}");
+        assert!(archive::part_of(&output).exists());
+    }
 
     #[test]
     fn the_time_of_a_bake_begins_with_it() {
