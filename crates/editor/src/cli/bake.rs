@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
-use clerestory_transport::archive::{self, Restart};
+use clerestory_transport::archive::{self, ArchiveError, Restart};
 use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Indirect, Passes};
 use clerestory_transport::basis::LightBasis;
@@ -92,6 +92,7 @@ type Baked = (Bake, BakeTimes, Option<Earlier>);
 fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Console) -> Result<Baked> {
     let inputs: Vec<_> = [("scene", scene)].into_iter().chain(inputs_of(&args.options.view)).collect();
     reserve(output, &inputs)?;
+    spare_half_done(output, &args.options)?;
     let look = load_look(args.look.as_deref(), console)?;
     spare_look(output, args.look.as_deref(), &look)?;
     let mut job = scene_job(scene, args, &look, console)?;
@@ -151,6 +152,25 @@ fn reserve(output: &Path, inputs: &[(&'static str, &Path)]) -> Result<()> {
     }
     drop(PendingFile::create(output)?);
     Ok(())
+}
+
+/// A bake within a time starts over, but not in the place of a half-done one that nobody gave up.
+fn spare_half_done(output: &Path, options: &BakeOptions) -> Result<()> {
+    let part = archive::part_of(output);
+    if options.seconds.is_none() || options.fresh || !part.exists() {
+        return Ok(());
+    }
+    match archive::part_state(&part) {
+        Ok(state) if state.n_done > 0 => bail!(
+            "{} has {} of {} blocks of another bake, and --seconds goes on with none; finish that one, or start over with --fresh",
+            part.display(),
+            state.n_done,
+            state.n_blocks,
+        ),
+        // Nothing of it is there yet, or all of it is lost.
+        Ok(_) | Err(ArchiveError::Damaged { .. }) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
 }
 
 fn restart(options: &BakeOptions) -> Restart {
@@ -413,7 +433,50 @@ fn skipped_words(skipped: &Value) -> String {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::import;
+    use clerestory_transport::prepared::PreparedScene;
+
     use super::*;
+    use crate::cli::args::{Arguments, Command};
+
+    fn options(more: &[&str]) -> BakeOptions {
+        let line = ["clerestory", "bake", "room.gltf", "-o", "a.transport"].iter().chain(more);
+        let Some(Command::Bake(args)) = Arguments::try_parse_from(line).unwrap().command else { panic!("it is bake") };
+        args.options
+    }
+
+    /// Leaves a bake after its first block.
+    fn begin(output: &Path) {
+        let imported = import::load_bytes("room", include_bytes!("../../tests/room.gltf")).unwrap();
+        let scene = Arc::new(PreparedScene::new(imported.scene, &[]).unwrap().0);
+        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
+        let config = BakeConfig { spp: 2, tolerance_db: 20.0, ..BakeConfig::default() };
+        let (passes, irradiance) = (Passes::FinalOnly, Vec::new());
+        let job = BakeJob { scene, camera, film, config, passes, irradiance };
+        let stopped = archive::bake_to_file(job, output, Restart::Resume, |event| match event {
+            BakeEvent::BlockDone { .. } => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        });
+        assert!(stopped.unwrap().is_none());
+    }
+
+    #[test]
+    fn a_bake_within_a_time_starts_no_half_done_one_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("a.transport");
+        let within_a_time = options(&["--seconds", "1"]);
+        spare_half_done(&output, &within_a_time).unwrap();
+        begin(&output);
+        let said = spare_half_done(&output, &within_a_time).unwrap_err().to_string();
+        assert!(said.contains("of 4 blocks") && said.contains("--fresh"), "{said}");
+        let free: [&[&str]; 2] = [&[], &["--seconds", "1", "--fresh"]];
+        free.into_iter().for_each(|free| spare_half_done(&output, &options(free)).unwrap());
+        std::fs::write(archive::part_of(&output), "a letter to a friend").unwrap();
+        let said = spare_half_done(&output, &within_a_time).unwrap_err().to_string();
+        assert!(said.contains("in the way"), "{said}");
+    }
 
     #[test]
     fn a_bake_that_is_stopped_while_it_writes_leaves_no_temporary_file() {
