@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::{Context, Result};
-use clerestory_transport::archive::{self, UnderWay, beside};
+use clerestory_transport::archive::{self, ArchiveError, UnderWay, beside};
 use clerestory_transport::bake::{Bake, BakeJob, HalfDone};
 
 /// Bytes that the folder may hold if nobody says otherwise.
@@ -41,7 +41,7 @@ pub enum Found {
     Hit(Box<Bake>),
     /// None.
     Nothing,
-    /// One that was damaged and is now out of the way; why, in words.
+    /// One that was damaged and is now out of the way, or that cannot be read now; why, in words.
     SetAside(String),
 }
 
@@ -122,6 +122,10 @@ impl BakeCache {
             }
             // Another editor let go of it meanwhile.
             Err(_) if !path.exists() => Found::Nothing,
+            // It may be whole: the system cannot read it now.
+            Err(error @ ArchiveError::Io { .. }) => {
+                Found::SetAside(format!("a kept bake could not be read, and stays for another time: {error}"))
+            }
             Err(error) => {
                 let _ = fs::rename(path, path.with_extension(DAMAGED));
                 Found::SetAside(format!("a kept bake could not be used and was set aside: {error}"))
@@ -336,6 +340,20 @@ mod tests {
         assert!(matches!(cache.find(&cache.place(&job(1))), Found::Nothing));
         assert_eq!(cache.usage().unwrap().bakes, 0);
         assert!(cache.usage().unwrap().bytes > 0, "it is kept for who wants to see what happened");
+    }
+
+    #[test]
+    fn what_the_system_cannot_read_now_is_told_and_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = BakeCache::new(folder.path().into(), 1 << 20);
+        // A folder can be read as a file by nobody, whatever rights there are.
+        let path = cache.place(&job(1)).0;
+        fs::create_dir(&path).unwrap();
+        match cache.find(&cache.place(&job(1))) {
+            Found::SetAside(words) => assert!(words.contains("could not be read"), "{words}"),
+            other => panic!("{other:?}"),
+        }
+        assert!(path.exists());
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub use under_way::UnderWay;
 use crate::bake::focus::Focus;
 use crate::bake::reuse::Reuse;
 use crate::bake::stack::SurveyedStack;
-use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, PackedMatrices};
+use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, PackedMatrices, Passes};
 use crate::irradiance::first_block;
 use crate::matrix::CHANNELS;
 
@@ -167,8 +167,8 @@ pub fn bake_to_file(
     restart: Restart,
     on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
 ) -> Result<Option<Bake>, BakeError> {
-    let header = job.header()?;
-    keep(header, path, restart, on_event, |header, done, on_event| {
+    let (header, writing) = (job.header()?, Writing::of(&job));
+    keep(header, (path, restart, writing), on_event, |header, done, on_event| {
         job.run_from(header, done, &Focus::default(), on_event)
     })
 }
@@ -185,8 +185,9 @@ pub fn rebake_to_file(
     on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
 ) -> Result<Option<Bake>, BakeError> {
     if reuse.n_added_rows() > 0 {
+        let job = reuse.regrouped(job);
         let header = reuse.header_with_rows(&job, &Focus::default())?;
-        return keep(header, path, restart, on_event, |header, done, mut on_event| {
+        return keep(header, (path, restart, Writing::of(&job)), on_event, |header, done, mut on_event| {
             job.run_rows(reuse, &header, done, &Focus::default(), &mut on_event)
         });
     }
@@ -195,8 +196,8 @@ pub fn rebake_to_file(
         write(&bake, path)?;
         return Ok(Some(bake));
     };
-    let header = job.header()?;
-    keep(header, path, restart, on_event, |header, done, on_event| {
+    let (header, writing) = (job.header()?, Writing::of(&job));
+    keep(header, (path, restart, writing), on_event, |header, done, on_event| {
         let new = job.run_from(header, done, &Focus::default(), on_event)?;
         Ok(new.map(|new| reuse.join(Some(new))))
     })
@@ -213,23 +214,38 @@ pub fn stack_to_file(
     on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
 ) -> Result<Option<Bake>, BakeError> {
     let header = stack.header().clone();
-    keep(header, path, restart, on_event, |header, done, on_event| stack.run_from(header, done, on_event))
+    let place = (path, restart, Writing::Blocks);
+    keep(header, place, on_event, |header, done, on_event| stack.run_from(header, done, on_event))
 }
 
 /// Who hears of a bake.
 pub(crate) type Listener<'a> = &'a mut (dyn FnMut(BakeEvent) -> ControlFlow<()> + Send);
 
+/// What is written down of a bake while it runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Writing {
+    /// Blocks of its last pass.
+    Blocks,
+    /// Nothing: within a time, these alone are no start.
+    Nothing,
+}
+
+impl Writing {
+    fn of(job: &BakeJob) -> Writing {
+        if matches!(job.passes, Passes::Until(_)) { Writing::Nothing } else { Writing::Blocks }
+    }
+}
+
 /// Runs a bake that is given its header and what is done already; keeps every block as it comes.
 #[expect(clippy::arithmetic_side_effects, reason = "a bake has a pass, and its blocks are counted in memory")]
 fn keep(
     header: BakeHeader,
-    path: &Path,
-    restart: Restart,
+    (path, restart, writing): (&Path, Restart, Writing),
     mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     run: impl FnOnce(Arc<BakeHeader>, &Done, Listener) -> Result<Option<Bake>, BakeError>,
 ) -> Result<Option<Bake>, BakeError> {
     let (mut part, done) = Part::open(&part_of(path), header, restart)?;
-    let (mut failure, mut last_pass) = (None, 0);
+    let (mut failure, mut last_pass) = (None, None);
     let header = part.header.clone();
     let n_done = done.len();
     let mut replayed = 0;
@@ -237,8 +253,8 @@ fn keep(
     let bake = run(header, &done, &mut |event| {
         let mut finished = None;
         match &event {
-            BakeEvent::Started { n_passes, .. } => last_pass = n_passes - 1,
-            BakeEvent::BlockDone { pass, block_idx, factors } if *pass == last_pass => {
+            BakeEvent::Started { n_passes, .. } if writing == Writing::Blocks => last_pass = Some(n_passes - 1),
+            BakeEvent::BlockDone { pass, block_idx, factors } if Some(*pass) == last_pass => {
                 finished = Some((0, *block_idx, factors));
             }
             BakeEvent::IrradianceDone { set, block_idx, factors, is_preview: false } => {

@@ -36,7 +36,7 @@ use thiserror::Error;
 
 use self::patches::PatchBlocks;
 use crate::archive::ArchiveError;
-use crate::basis::{ColumnKind, LightBasis, LightSource};
+use crate::basis::{ColumnKind, LightBasis};
 use crate::cache::CachePlan;
 use crate::camera::{Camera, Film};
 use crate::emitters::LightingError;
@@ -556,8 +556,8 @@ impl BakeJob {
         on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
         // Blocks that have other columns are of no use: they took some over from a bake that is gone.
-        let own = &self.scene.lighting.basis.sources;
-        let begun = begun.filter(|begun| LightSource::are_alike(&begun.header.basis.sources, own));
+        let own = &self.scene.lighting.basis;
+        let begun = begun.filter(|begun| begun.header.basis.has_lights_of(own));
         let HalfDone { header, blocks } = match begun {
             Some(begun) => begun,
             None => match self.header_toward(focus)? {

@@ -217,6 +217,12 @@ impl LightBasis {
             && *other == LightBasis { sources: other.sources.clone(), ..self.clone() }
     }
 
+    /// Whether its columns are those of a scene's lights, in the same groups; columns of patches may stand behind them.
+    pub(crate) fn has_lights_of(&self, scene: &LightBasis) -> bool {
+        let groups = self.groups.iter().filter(|group| group.kind != ColumnKind::Patch);
+        LightSource::are_alike(&self.sources, &scene.sources) && groups.eq(&scene.groups)
+    }
+
     /// Number of columns.
     pub fn n_cols(&self) -> usize {
         let of_lights = self.sources.last().map_or(0, |source| source.columns.end as usize);

@@ -3,10 +3,10 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
-use clerestory_transport::archive::{self, Restart};
+use clerestory_transport::archive::{self, ArchiveError, Restart};
 use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Indirect, Passes};
 use clerestory_transport::basis::LightBasis;
@@ -92,6 +92,7 @@ type Baked = (Bake, BakeTimes, Option<Earlier>);
 fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Console) -> Result<Baked> {
     let inputs: Vec<_> = [("scene", scene)].into_iter().chain(inputs_of(&args.options.view)).collect();
     reserve(output, &inputs)?;
+    spare_half_done(output, &args.options)?;
     let look = load_look(args.look.as_deref(), console)?;
     spare_look(output, args.look.as_deref(), &look)?;
     let mut job = scene_job(scene, args, &look, console)?;
@@ -100,7 +101,8 @@ fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Consol
         options.view.threads = Some(estimate::fit(limit_bytes, &mut job, args, console)?);
     }
     let earlier = Earlier::find(&job, args, output, console)?;
-    let (kept, restart) = (|| kept_words(output, restart(&args.options)), restart(&args.options));
+    job.passes = from_now(job.passes, args.options.seconds);
+    let (kept, restart) = (|| left_behind(output, restart(&args.options)), restart(&args.options));
     let (bake, times) = run_with_progress(console, &options, &kept, |on_event| {
         match earlier.as_ref().and_then(|earlier| earlier.reuse.as_ref().ok()) {
             Some(reuse) => archive::rebake_to_file(job, reuse, output, restart, on_event),
@@ -118,7 +120,7 @@ fn bake_images(folder: &Path, output: &Path, args: &BakeArgs, console: &mut Cons
     let mut remarks = Vec::new();
     let job = stack_job(&stack, &args.options);
     job.check_memory(memory_bytes())?;
-    let kept = || kept_words(output, restart(&args.options));
+    let kept = || left_behind(output, restart(&args.options));
     let baked = run_with_progress(console, &args.options, &kept, |on_event| {
         let Some(surveyed) = job.survey(on_event)? else { return Ok(None) };
         remarks = surveyed.remarks();
@@ -152,12 +154,36 @@ fn reserve(output: &Path, inputs: &[(&'static str, &Path)]) -> Result<()> {
     Ok(())
 }
 
+/// A bake within a time starts over, but not in the place of a half-done one that nobody gave up.
+fn spare_half_done(output: &Path, options: &BakeOptions) -> Result<()> {
+    let part = archive::part_of(output);
+    if options.seconds.is_none() || options.fresh || !part.exists() {
+        return Ok(());
+    }
+    match archive::part_state(&part) {
+        Ok(state) if state.n_done > 0 => bail!(
+            "{} has {} of {} blocks of another bake, and --seconds goes on with none; finish that one, or start over with --fresh",
+            part.display(),
+            state.n_done,
+            state.n_blocks,
+        ),
+        // Nothing of it is there yet, or all of it is lost.
+        Ok(_) | Err(ArchiveError::Damaged { .. }) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
+}
+
 fn restart(options: &BakeOptions) -> Restart {
     // Within a time, blocks of the last pass alone are no start.
     if options.fresh || options.seconds.is_some() { Restart::Fresh } else { Restart::Resume }
 }
 
-/// What a bake that is stopped leaves behind.
+/// What a bake that is stopped leaves behind; of a file that it was writing nothing.
+fn left_behind(output: &Path, restart: Restart) -> String {
+    archive::beside::discard(output);
+    kept_words(output, restart)
+}
+
 fn kept_words(output: &Path, restart: Restart) -> String {
     let part = archive::part_of(output);
     match part.exists() {
@@ -192,6 +218,14 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
     };
     let passes = options.seconds.map_or(passes, |limit| Passes::Until(Instant::now() + limit));
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes, irradiance: Vec::new() }
+}
+
+/// The passes of a bake that begins now: what was read and tried before takes nothing of its time.
+fn from_now(passes: Passes, limit: Option<Duration>) -> Passes {
+    match (passes, limit) {
+        (Passes::Until(_), Some(limit)) => Passes::Until(Instant::now() + limit),
+        (passes, _) => passes,
+    }
 }
 
 /// Runs a bake with a bar, on the threads asked for, and keeps the time. `kept` says what is left of it when it is
@@ -399,7 +433,70 @@ fn skipped_words(skipped: &Value) -> String {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::import;
+    use clerestory_transport::prepared::PreparedScene;
+
     use super::*;
+    use crate::cli::args::{Arguments, Command};
+
+    fn options(more: &[&str]) -> BakeOptions {
+        let line = ["clerestory", "bake", "room.gltf", "-o", "a.transport"].iter().chain(more);
+        let Some(Command::Bake(args)) = Arguments::try_parse_from(line).unwrap().command else { panic!("it is bake") };
+        args.options
+    }
+
+    /// Leaves a bake after its first block.
+    fn begin(output: &Path) {
+        let imported = import::load_bytes("room", include_bytes!("../../tests/room.gltf")).unwrap();
+        let scene = Arc::new(PreparedScene::new(imported.scene, &[]).unwrap().0);
+        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
+        let config = BakeConfig { spp: 2, tolerance_db: 20.0, ..BakeConfig::default() };
+        let (passes, irradiance) = (Passes::FinalOnly, Vec::new());
+        let job = BakeJob { scene, camera, film, config, passes, irradiance };
+        let stopped = archive::bake_to_file(job, output, Restart::Resume, |event| match event {
+            BakeEvent::BlockDone { .. } => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        });
+        assert!(stopped.unwrap().is_none());
+    }
+
+    #[test]
+    fn a_bake_within_a_time_starts_no_half_done_one_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("a.transport");
+        let within_a_time = options(&["--seconds", "1"]);
+        spare_half_done(&output, &within_a_time).unwrap();
+        begin(&output);
+        let said = spare_half_done(&output, &within_a_time).unwrap_err().to_string();
+        assert!(said.contains("of 4 blocks") && said.contains("--fresh"), "{said}");
+        let free: [&[&str]; 2] = [&[], &["--seconds", "1", "--fresh"]];
+        free.into_iter().for_each(|free| spare_half_done(&output, &options(free)).unwrap());
+        std::fs::write(archive::part_of(&output), "a letter to a friend").unwrap();
+        let said = spare_half_done(&output, &within_a_time).unwrap_err().to_string();
+        assert!(said.contains("in the way"), "{said}");
+    }
+
+    #[test]
+    fn a_bake_that_is_stopped_while_it_writes_leaves_no_temporary_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("a.transport");
+        let (temporary, _file) = archive::beside::temporary(&output).unwrap();
+        std::fs::write(archive::part_of(&output), "").unwrap();
+        let said = left_behind(&output, Restart::Resume);
+        assert!(said.contains("a.transport.part") && !temporary.exists(), "{said}");
+        assert!(archive::part_of(&output).exists());
+    }
+
+    #[test]
+    fn the_time_of_a_bake_begins_with_it() {
+        let (begun, hour) = (Instant::now(), Duration::from_secs(3600));
+        let Passes::Until(at) = from_now(Passes::Until(begun), Some(hour)) else { panic!("it has a time") };
+        assert!(at >= begun + hour);
+        assert_eq!(from_now(Passes::FinalOnly, Some(hour)), Passes::FinalOnly);
+        assert_eq!(from_now(Passes::PreviewAndFinal, None), Passes::PreviewAndFinal);
+    }
 
     #[test]
     fn blocks_of_the_preview_are_told_where_there_are_some() {

@@ -83,8 +83,9 @@ pub(super) fn fit(limit_bytes: u64, job: &mut BakeJob, args: &BakeArgs, console:
     if held + job.thread_bytes() > limit_bytes {
         return Err(refusal(held + job.thread_bytes(), held, limit_bytes));
     }
-    if job.config.indirect == Indirect::Traced && held + job.thread_bytes() + job.shared_bytes() > limit_bytes {
-        job.passes = Passes::FinalOnly;
+    let with_preview = held + job.thread_bytes() + job.shared_bytes();
+    if job.config.indirect == Indirect::Traced && with_preview > limit_bytes {
+        job.passes = without_preview(job.passes).ok_or_else(|| no_room_for_preview(with_preview, limit_bytes))?;
     }
     let forecast = forecast(job, args, console)?;
     let Some(n_threads) = forecast.threads_within(limit_bytes) else {
@@ -97,6 +98,21 @@ pub(super) fn fit(limit_bytes: u64, job: &mut BakeJob, args: &BakeArgs, console:
             .note(&format!("{n_threads} of {n_asked} threads bake, to stay within the {limit} that --memory allows"));
     }
     Ok(u16::try_from(n_threads).unwrap_or(u16::MAX))
+}
+
+/// The passes of a bake that has no room for a preview; `None` if it cannot do without.
+fn without_preview(passes: Passes) -> Option<Passes> {
+    // What is not done when time is up stays as in the preview.
+    (!matches!(passes, Passes::Until(_))).then_some(Passes::FinalOnly)
+}
+
+fn no_room_for_preview(needed_bytes: u64, limit_bytes: u64) -> anyhow::Error {
+    anyhow!(
+        "the preview that --seconds begins with would take about {} of memory, more than the {} that --memory allows; make the picture \
+         smaller (--size), allow more, or leave --seconds out",
+        bytes_words(needed_bytes),
+        bytes_words(limit_bytes),
+    )
 }
 
 fn refusal(needed_bytes: u64, held_bytes: u64, limit_bytes: u64) -> anyhow::Error {
@@ -160,6 +176,8 @@ pub(super) fn parse_bytes(text: &str) -> Result<u64, String> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Instant;
+
     use super::*;
 
     #[test]
@@ -169,6 +187,14 @@ mod tests {
         for bad in ["", "12", "GB", "-1GB", "1TBx", "nanMB", "0MB"] {
             assert!(parse_bytes(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn a_bake_within_a_time_keeps_its_end_whatever_memory_there_is() {
+        assert_eq!(without_preview(Passes::PreviewAndFinal), Some(Passes::FinalOnly));
+        assert_eq!(without_preview(Passes::Until(Instant::now())), None);
+        let said = no_room_for_preview(3 << 30, 2 << 30).to_string();
+        assert!(said.contains("--seconds") && said.contains("--memory"), "{said}");
     }
 
     #[test]

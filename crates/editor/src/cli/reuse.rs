@@ -28,7 +28,8 @@ impl Earlier {
         let is_wanted = !args.options.fresh;
         let path = args.reuse.as_deref().or_else(|| Some(output).filter(|output| is_wanted && is_filled(output)));
         let Some(path) = path else { return Ok(None) };
-        let bake = match archive::read_within(memory_bytes(), path) {
+        let most = args.memory.into_iter().chain(memory_bytes()).min();
+        let bake = match archive::read_within(most, path) {
             Ok(bake) => bake,
             Err(error) if args.reuse.is_some() => {
                 return Err(error).context("cannot take anything over");

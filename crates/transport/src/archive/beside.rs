@@ -3,8 +3,8 @@
 //! Two editors may write to one place at the same time, and one editor twice. With a name in common the one would write into
 //! what the other renames; so the last to end wins, with a whole file.
 
-use std::ffi::OsString;
-use std::fs::{File, OpenOptions, TryLockError};
+use std::ffi::{OsStr, OsString};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -18,9 +18,8 @@ const ENDING: &str = "tmp";
 pub fn temporary(path: &Path) -> io::Result<(PathBuf, File)> {
     let name = path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "it names no file"))?;
     for n in 0_u32.. {
-        let mut temporary = OsString::from(".");
-        temporary.push(name);
-        temporary.push(format!(".{}-{n}.{ENDING}", std::process::id()));
+        let mut temporary = own_prefix(name);
+        temporary.push(format!("{n}.{ENDING}"));
         let temporary = path.with_file_name(temporary);
         match OpenOptions::new().write(true).create_new(true).open(&temporary) {
             // Another write of this process to the same place, or one that was killed.
@@ -36,10 +35,39 @@ pub fn temporary(path: &Path) -> io::Result<(PathBuf, File)> {
     Err(io::Error::new(io::ErrorKind::AlreadyExists, "all temporary names are taken"))
 }
 
+/// The names of this process up to their number.
+fn own_prefix(name: &OsStr) -> OsString {
+    let mut prefix = OsString::from(".");
+    prefix.push(name);
+    prefix.push(format!(".{}-", std::process::id()));
+    prefix
+}
+
+/// Removes what this process has begun to write beside `path`, where it ends without coming back to that.
+pub fn discard(path: &Path) {
+    let Some(prefix) = path.file_name().map(own_prefix) else { return };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let is_own = entry.file_name().as_encoded_bytes().starts_with(prefix.as_encoded_bytes());
+        if is_own && is_temporary(&entry.path()) {
+            // What cannot be removed stays, as after a kill.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+fn is_temporary(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == ENDING)
+}
+
 /// Whether a file is what a killed program left of such a write; one that is being written is locked.
 pub fn is_left_over(path: &Path) -> bool {
-    let is_temporary = path.extension().is_some_and(|ending| ending == ENDING);
-    is_temporary && File::open(path).is_ok_and(|file| !matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
+    is_temporary(path) && File::open(path).is_ok_and(|file| is_free(&file.try_lock()))
+}
+
+/// Whether nobody writes to a file; where there are no locks somebody may.
+fn is_free(lock: &Result<(), TryLockError>) -> bool {
+    lock.is_ok()
 }
 
 #[cfg(test)]
@@ -60,5 +88,20 @@ mod tests {
         std::fs::write(&path, "").unwrap();
         assert!(!is_left_over(&path), "it is no temporary file");
         assert!(temporary(&folder.path().join("gone/a.transport")).is_err());
+        let no_locks = TryLockError::Error(io::ErrorKind::Unsupported.into());
+        assert!(!is_free(&Err(no_locks)), "somebody may write to it");
+    }
+
+    #[test]
+    fn who_ends_in_the_middle_of_a_write_takes_its_own_files_away_and_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.transport");
+        let begun = [temporary(&path).unwrap(), temporary(&path).unwrap()];
+        let beside = temporary(&folder.path().join("b.transport")).unwrap();
+        let others = ["a.transport", ".a.transport.x-0.tmp"].map(|name| folder.path().join(name));
+        others.iter().for_each(|path| std::fs::write(path, "").unwrap());
+        discard(&path);
+        assert!(begun.iter().all(|(path, _)| !path.exists()));
+        assert!(beside.0.exists() && others.iter().all(|path| path.exists()));
     }
 }

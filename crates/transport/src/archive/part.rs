@@ -49,6 +49,9 @@ pub fn part_state(path: &Path) -> Result<PartState, ArchiveError> {
     Ok(PartState { n_done: done.len(), n_blocks, n_torn_bytes: bytes[end..].len() })
 }
 
+/// What differs where the bakes are of the same thing.
+pub(super) const TAKEN_OVER: &str = "it takes other columns over from an earlier bake";
+
 /// The number of a block in front of its record.
 const INDEX_LEN: usize = 4;
 
@@ -243,5 +246,6 @@ pub(super) fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<Strin
         (found.scene != asked.scene, format!("its scene is {}", found.scene)),
     ];
     let differences: Vec<String> = checks.into_iter().filter(|(differs, _)| *differs).map(|(_, what)| what).collect();
-    Some(differences.join(", "))
+    // The rest comes with columns of an earlier bake.
+    Some(if differences.is_empty() { TAKEN_OVER.into() } else { differences.join(", ") })
 }

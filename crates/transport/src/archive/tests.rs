@@ -364,3 +364,13 @@ fn a_half_done_bake_is_taken_up_whatever_another_machine_reckons_of_unlit_surfac
     let said = part::difference(&of(SourceKind::Emitter, 64.0), &of(SourceKind::Emitter, 65.0));
     assert_eq!(said.as_deref(), Some("its lights differ"));
 }
+
+#[test]
+fn a_half_done_bake_that_differs_by_what_it_took_over_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let (header, _) = part_of_fixture(&folder.path().join("a.transport.part"));
+    // A bake knows its bias at its end alone.
+    let of = |sharing_bias: Option<f32>| BakeHeader { sharing_bias, ..header.clone() };
+    let said = part::difference(&of(Some(1e-5)), &of(None));
+    assert_eq!(said.as_deref(), Some(part::TAKEN_OVER));
+}

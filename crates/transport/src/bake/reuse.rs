@@ -150,16 +150,21 @@ impl BakeJob {
         self.check()?;
         let n_blocks = reuse.header.partition().n_blocks();
         if reuse.n_added_rows() > 0 {
-            let header = Arc::new(reuse.header_with_rows(&self, focus)?);
+            let job = reuse.regrouped(self);
+            let header = Arc::new(reuse.header_with_rows(&job, focus)?);
+            // Who left has measured nothing.
+            if focus.is_left() {
+                return Ok(None);
+            }
             let done = begun.filter(|begun| begun.header == header).map_or_else(Vec::new, |begun| begun.blocks);
-            return self.run_rows(reuse, &header, &done, focus, &mut on_event);
+            return job.run_rows(reuse, &header, &done, focus, &mut on_event);
         }
         let Some(job) = reuse.rest_of(self) else {
             let bake = reuse.join(None);
             let flow = on_event(BakeEvent::Started { header: bake.header.clone(), n_blocks, n_passes: 1 });
             return Ok(flow.is_continue().then_some(bake));
         };
-        let of_new = Arc::new(job.header()?);
+        let Some(of_new) = job.header_toward(focus)?.map(Arc::new) else { return Ok(None) };
         let header = Arc::new(reuse.header_with(Some(&of_new)));
         let begun = begun
             .filter(|begun| begun.header.basis.is_alike(&header.basis))
@@ -174,7 +179,8 @@ impl BakeJob {
         Ok(bake.map(|new| reuse.join(Some(new))))
     }
 
-    /// Bakes the rows of irradiance that the earlier bake lacks, given [`Reuse::header_with_rows`]; all columns stay as they are.
+    /// Bakes the rows of irradiance that the earlier bake lacks, given [`Reuse::header_with_rows`]; all columns stay as they are. The job
+    /// is [regrouped](Reuse::regrouped).
     pub(crate) fn run_rows(
         &self,
         reuse: &Reuse,
@@ -263,6 +269,19 @@ impl Reuse {
     /// The matrix of the earlier bake that one of the job's is, if that is there: 0 is the picture.
     fn earlier_matrix(&self, matrix: usize) -> Option<usize> {
         if matrix == 0 { Some(0) } else { self.sets[matrix - 1].map(|set| 1 + set) }
+    }
+
+    /// The job of a bake that adds rows of irradiance, its columns in the groups that they have in the earlier one: lamps that were added
+    /// to that have a group of their own.
+    pub(crate) fn regrouped(&self, job: BakeJob) -> BakeJob {
+        let mut groups = self.earlier.header.basis.groups.clone();
+        groups.retain(|group| group.kind != ColumnKind::Patch);
+        if groups == job.scene.lighting.basis.groups {
+            return job;
+        }
+        let mut scene = Arc::unwrap_or_clone(job.scene);
+        scene.lighting.basis.groups = groups;
+        BakeJob { scene: Arc::new(scene), ..job }
     }
 
     /// The bake of the new lights alone; `None` where there are none.

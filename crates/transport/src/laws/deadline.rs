@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use glam::Vec3;
 
 use super::stage::{Stage, lambert, room};
+use crate::archive::{self, Restart};
 use crate::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Indirect, Passes};
 use crate::camera::{Camera, Film};
 use crate::irradiance::IrradianceRows;
@@ -47,6 +48,20 @@ fn while_the_light_that_pixels_share_is_found_it_is_asked_whether_to_go_on() {
     assert!(stopped.expect("the job is valid").is_none());
     // Behind each of 32 parts of the nodes, and before each of 5 stages of the light behind them.
     assert_eq!(n_asked, 32 + 5);
+}
+
+#[test]
+fn nothing_is_written_down_of_a_bake_within_a_time_until_it_is_whole() {
+    let folder = tempfile::tempdir().expect("there is room");
+    let path = folder.path().join("a.transport");
+    let in_time = Passes::Until(Instant::now() + Duration::from_secs(3600));
+    let stopped = archive::bake_to_file(job(in_time), &path, Restart::Fresh, |event| {
+        let is_of_last = matches!(event, BakeEvent::BlockDone { pass: 1, .. });
+        if is_of_last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert!(stopped.expect("it can be written").is_none());
+    let state = archive::part_state(&archive::part_of(&path)).expect("it was begun");
+    assert_eq!((state.n_done, state.n_blocks), (0, 12), "no later bake can go on with it");
 }
 
 #[test]

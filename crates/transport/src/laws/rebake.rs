@@ -396,6 +396,73 @@ fn rows_of_irradiance_come_to_a_bake_that_has_none_and_leave_its_picture_alone()
     }
 }
 
+/// The room with its lamps alone, so that a lamp that is added has the last column, as it has in a bake that took over the others.
+fn lamps(change: impl FnOnce(&mut Scene)) -> Scene {
+    scene(|scene| {
+        let (strip, panel) = (3, 4);
+        (scene.materials[strip].emissive, scene.materials[panel].emissive) = (Vec3::ZERO, Vec3::ZERO);
+        change(scene);
+    })
+}
+
+#[test]
+fn rows_of_irradiance_come_to_a_bake_to_which_a_lamp_was_added() {
+    let dark = |scene: Scene| BakeJob { irradiance: Vec::new(), ..job(scene) };
+    let (picture, n_traced) = rebaked(dark(lamps(add_lamp)), &baked(dark(lamps(|_| {}))));
+    assert_eq!((n_traced, picture.header.basis.groups.len()), (1, 2), "the lamp has a group of its own");
+    let again = || job(lamps(add_lamp));
+    let (added, n_traced) = rebaked(again(), &picture);
+    assert!(n_traced == 0 && added.groups == picture.groups);
+    let whole = baked(again());
+    let lux = |bake: &Bake, key: &str| column(bake, 1, key).iter().map(|lux| f64::from(*lux)).sum::<f64>();
+    for key in ["left", "right", "new"] {
+        // The same samples, in other groups.
+        let (found, wanted) = (lux(&added, key), lux(&whole, key));
+        assert!(wanted > 0.0 && (found - wanted).abs() < 0.02 * wanted, "{key}: {found} instead of {wanted}");
+    }
+    let folder = tempfile::tempdir().expect("there is room");
+    let path = folder.path().join("a.transport");
+    let reuse = again().reuse(&picture).expect("the picture is the same");
+    let go_on = |_: BakeEvent| ControlFlow::Continue(());
+    archive::rebake_to_file(again(), &reuse, &path, Restart::Resume, go_on).expect("it can be written");
+    assert_eq!(std::fs::read(&path).expect("it was written"), bytes_of(&added));
+}
+
+#[test]
+fn blocks_of_a_bake_that_took_columns_over_serve_none_that_takes_over_nothing() {
+    let earlier = baked(job(lamps(|_| {})));
+    let again = || job(lamps(add_lamp));
+    let reuse = again().reuse(&earlier).expect("something is the same");
+    let (mut header, mut blocks) = (None, Vec::new());
+    let stopped = again().run_reusing(&reuse, &Focus::default(), None, |event| {
+        match event {
+            BakeEvent::Started { header: of_whole, .. } => header = Some(of_whole),
+            BakeEvent::BlockDone { block_idx, factors, .. } => blocks.push((block_idx, factors)),
+            _ => {}
+        }
+        if blocks.is_empty() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
+    assert!(stopped.expect("the job is valid").is_none() && blocks.len() == 1);
+    // The earlier bake is gone: the same lights, but in other groups.
+    let begun = HalfDone { header: header.expect("it began"), blocks };
+    let whole = again().run_toward(&Focus::default(), Some(begun), |_| ControlFlow::Continue(()));
+    let whole = whole.expect("the job is valid").expect("nobody stops it");
+    assert_eq!(bytes_of(&whole), bytes_of(&baked(again())));
+}
+
+#[test]
+fn who_leaves_while_columns_are_measured_hears_of_no_bake() {
+    let dark = |scene: Scene| BakeJob { irradiance: Vec::new(), ..job(scene) };
+    let earlier = baked(dark(lamps(|_| {})));
+    let focus = Focus::default();
+    focus.leave();
+    for again in [job(lamps(|_| {})), dark(lamps(add_lamp))] {
+        let reuse = again.reuse(&earlier).expect("something is the same");
+        let left = again.run_reusing(&reuse, &focus, None, |event| panic!("{event:?}"));
+        assert!(left.expect("the job is valid").is_none());
+    }
+}
+
 #[test]
 fn a_lamp_that_was_off_is_traced_once_it_is_on() {
     let off = |scene: &mut Scene| scene.punctual[0].intensity = 0.0;

@@ -24,7 +24,7 @@ impl BakeJob {
         focus: &Focus,
     ) -> Result<Option<BakeEstimate>, BakeError> {
         let rest = match reuse.rest_of(self.clone()) {
-            _ if reuse.n_added_rows() > 0 => self.estimate_rows(reuse, budget, focus)?,
+            _ if reuse.n_added_rows() > 0 => reuse.regrouped(self.clone()).estimate_rows(reuse, budget, focus)?,
             Some(rest) => rest.estimate(budget, focus)?,
             None => Some(BakeEstimate::default()),
         };
