@@ -177,6 +177,26 @@ fn what_several_nodes_share_is_copied_and_muted_lights_are_dark() {
     assert_eq!(parts(&third), parts(&out));
 }
 
+#[test]
+fn a_directional_lamp_with_a_size_is_written_as_it_is_set() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
+    std::fs::write(&file, include_str!("../../tests/room.gltf").replace("\"point\"", "\"directional\"")).unwrap();
+    let mut scene = import::load(&file).unwrap().scene;
+    assert_eq!(scene.set_sun_radius(0.01), 1);
+    let scene = PreparedScene::new(scene, &[]).unwrap().0;
+    let mut look = Look::default();
+    let dim = LightSetting { intensity: 0.5, color: Some([1.0, 0.5, 0.25]), ..LightSetting::default() };
+    for muted in [false, true] {
+        look.lights.lights.insert("lamp".into(), LightSetting { muted, ..dim });
+        let told = save(&file, &scene, &look, &out);
+        assert!(told.len() == 1 && told[0].contains("`lamp` has an angle"), "{told:?}");
+        let again = open(&out);
+        assert_same_light(&scene, &look, &again);
+        assert_eq!(again.lighting.basis.muted.contains("lamp"), muted);
+    }
+}
+
 /// All lights are off, each in one of the ways there are.
 fn turned_off(scene: &PreparedScene, look: &Look) -> Look {
     let mut off = look.clone();
