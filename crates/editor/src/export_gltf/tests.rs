@@ -428,3 +428,27 @@ fn what_a_gltf_refers_to_comes_along_and_nothing_else_is_overwritten() {
     let error = write(&to.join("third.gltf")).unwrap_err().to_string();
     assert!(error.contains("is there already") && !to.join("third.gltf").exists(), "{error}");
 }
+
+#[test]
+fn what_a_gltf_names_as_windows_does_comes_along() {
+    let folder = tempfile::tempdir().unwrap();
+    let (from, to) = (folder.path().join("from"), folder.path().join("to"));
+    std::fs::create_dir_all(from.join("data")).unwrap();
+    std::fs::create_dir(&to).unwrap();
+    std::fs::write(from.join("data/a b.bin"), b"abc").unwrap();
+    let bytes = br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": "Data\\A%20b.bin"}]}"#;
+    let (source, document) = (Container::split(bytes).unwrap(), Document::parse(bytes).unwrap());
+    container::save(&source, document, Kind::Gltf, Some(&from), &to.join("out.gltf")).unwrap();
+    assert_eq!(std::fs::read(to.join("Data/A b.bin")).unwrap(), b"abc");
+}
+
+#[test]
+fn the_binary_part_is_named_as_a_uri() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("50% night.gltf");
+    let source = Container { json: b"{}", chunks: vec![(0x004E_4942, &b"abc\0"[..])] };
+    let document = Document::parse(br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4}]}"#).unwrap();
+    container::save(&source, document, Kind::Gltf, None, &out).unwrap();
+    assert_eq!(parts(&out).0["buffers"][0]["uri"], "50%25%20night.bin");
+    assert_eq!(std::fs::read(folder.path().join("50% night.bin")).unwrap(), b"abc\0");
+}

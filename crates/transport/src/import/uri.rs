@@ -60,15 +60,11 @@ impl Locator {
             std::io::ErrorKind::NotFound => format!("the file {decoded:?} is missing"),
             _ => format!("the file {decoded:?} cannot be read ({error})"),
         };
-        let named = folder.join(&decoded).canonicalize();
-        // Some names hold percent signs of their own, and some programs write the separator of Windows.
-        let others = [uri.to_owned(), decoded.replace('\\', "/")];
-        let other = || others.iter().find_map(|name| folder.join(name).canonicalize().ok());
-        let path = named.or_else(|error| other().or_else(|| in_any_case(folder, &others[1])).ok_or(error));
-        if path.is_err() {
+        let found = found_in(folder, &decoded, uri);
+        if found.is_err() {
             self.note(folder.join(&decoded));
         }
-        let path = path.map_err(in_words)?;
+        let (path, _) = found.map_err(in_words)?;
         if !path.starts_with(folder.canonicalize().map_err(in_words)?) {
             return Err(elsewhere());
         }
@@ -84,6 +80,31 @@ impl Locator {
             Ok(_) => Ok(bytes),
             Err(_) => Err(std::io::Error::other(format!("all files together have more than {} GiB", MAX_BYTES >> 30))),
         }
+    }
+}
+
+/// The file that a URI of a glTF names in its folder or below, as an import finds it, and the name by which a copy of it is found below
+/// another folder. `None` for data, addresses, and what lies elsewhere or is not there.
+pub fn named_file(folder: &Path, uri: &str) -> Option<(PathBuf, PathBuf)> {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let decoded = String::from_utf8(percent_decode(uri)).ok()?;
+    if has_scheme(uri) || !is_below(&decoded) || !is_below(uri) {
+        return None;
+    }
+    let (path, name) = found_in(folder, &decoded, uri).ok()?;
+    let is_inside = path.is_file() && path.starts_with(folder.canonicalize().ok()?);
+    is_inside.then(|| (path, name.into()))
+}
+
+/// What a URI names in a folder, and by which of its names. Some names hold percent signs of their own, and some programs write the
+/// separator of Windows.
+fn found_in(folder: &Path, decoded: &str, uri: &str) -> std::io::Result<(PathBuf, String)> {
+    let others = [uri.to_owned(), decoded.replace('\\', "/")];
+    let other = || others.iter().find_map(|name| Some((folder.join(name).canonicalize().ok()?, name.clone())));
+    let in_another_case = || Some((in_any_case(folder, &others[1])?, others[1].clone()));
+    match folder.join(decoded).canonicalize() {
+        Ok(path) => Ok((path, decoded.to_owned())),
+        Err(error) => other().or_else(in_another_case).ok_or(error),
     }
 }
 
