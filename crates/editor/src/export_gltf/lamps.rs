@@ -42,7 +42,14 @@ pub(super) fn write(
                 (body(document, lamp, light), Part::Surfaces)
             }
             LampShape::Profile { file } => {
-                let (node, most_cd) = measured(document, lamp, light, Path::new(file))?;
+                let file = Path::new(file);
+                if file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ldt")) {
+                    warnings.push(format!(
+                        "`{}` has a EULUMDAT file, which other programs may not read there: glTF asks for IES",
+                        lamp.key
+                    ));
+                }
+                let (node, most_cd) = measured(document, lamp, light, file)?;
                 (node, Part::Lamp(Some(most_cd)))
             }
             LampShape::Point | LampShape::Spot { .. } | LampShape::Directional { .. } => {
@@ -117,7 +124,9 @@ fn measured(document: &mut Document, lamp: &FreeLamp, light: Vec3, file: &Path) 
     let (color, candela) = color_and_strength(light);
     document.uses(PROFILES);
     let uri = data_uri(&bytes);
-    let idx = document.push(PROFILES, &json!({ "name": lamp.key, "uri": uri }));
+    // By the name of the file it is known what the data is.
+    let file_name = file.file_name().unwrap_or(file.as_os_str()).to_string_lossy();
+    let idx = document.push(PROFILES, &json!({ "name": file_name, "uri": uri }));
     let instance = json!({ "light": idx, "multiplier": candela / most.max(f32::MIN_POSITIVE), "color": color });
     Ok((node(lamp, json!({ "extensions": { PROFILES: instance } })), most))
 }

@@ -336,6 +336,38 @@ fn free_lamps_become_nodes_that_shine_alike() {
 }
 
 #[test]
+fn a_free_lamp_of_a_eulumdat_file_comes_back_with_its_distribution() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out, profile) =
+        (folder.path().join("in.gltf"), folder.path().join("out.glb"), folder.path().join("x.ldt"));
+    std::fs::write(&file, include_str!("../../tests/room.gltf")).unwrap();
+    // Rotationally symmetric, 1000 lm.
+    let mut lines = vec!["0"; 42];
+    for (line, value) in [(3, "1"), (4, "1"), (6, "3"), (24, "1"), (26, "1"), (29, "1000")] {
+        lines[line - 1] = value;
+    }
+    lines.extend(["0", "0", "45", "90", "100", "50", "0"]);
+    std::fs::write(&profile, lines.join("\n")).unwrap();
+    let mut look = Look::default();
+    look.lights.lamps = vec![FreeLamp {
+        key: "measured".into(),
+        shape: LampShape::Profile { file: profile.display().to_string() },
+        position: Vec3::new(0.1, 0.4, -0.2),
+        aim: Vec3::new(0.3, -0.4, -0.6),
+        strength: 300.0,
+        unit: LampUnit::Lumen,
+        setting: LightSetting::default(),
+        turn_rad: 0.4,
+        replaces: None,
+    }];
+    let told = save(&file, &open(&file), &look, &out);
+    assert!(told.len() == 1 && told[0].contains("`measured` has a EULUMDAT file"), "{told:?}");
+    let again = open(&out);
+    hold_free_lamps(&look, &again, false);
+    assert_eq!(again.lighting.basis.source("measured").unwrap().origin.profile.as_deref(), Some("x.ldt"));
+}
+
+#[test]
 fn the_plain_lamp_beside_a_measured_one_follows_it_and_comes_back_from_the_dark() {
     let folder = tempfile::tempdir().unwrap();
     let [file, out, lit] = ["in.gltf", "out.gltf", "lit.gltf"].map(|name| folder.path().join(name));
