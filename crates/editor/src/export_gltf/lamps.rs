@@ -1,6 +1,6 @@
 //! Free lamps as nodes of the file. Those with a body become shining surfaces.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -18,6 +18,8 @@ use super::shared::Shared;
 /// Corners of a disk, and of a sphere from pole to pole; around it has twice as many.
 const DISK_CORNERS: u16 = 64;
 const SPHERE_RINGS: u16 = 16;
+/// By how much a cone of 90° may be off, radians.
+const ROUNDED: f32 = 1e-3;
 /// A body is at least so large, m: what is smaller shines from that size.
 const LEAST_M: f32 = 5e-3;
 
@@ -53,12 +55,7 @@ pub(super) fn write(
                 (node, Part::Lamp(Some(most_cd)))
             }
             LampShape::Point | LampShape::Spot { .. } | LampShape::Directional { .. } => {
-                if lamp.shape.has_soft_shadows() {
-                    warnings.push(format!(
-                        "`{}` has an angle, which glTF has no place for: its shadows are sharp there",
-                        lamp.key
-                    ));
-                }
+                warnings.extend(lost(lamp));
                 (punctual(document, lamp, light), Part::Lamp(None))
             }
         };
@@ -69,6 +66,20 @@ pub(super) fn write(
         }
     }
     Ok(())
+}
+
+/// What glTF has no place for of a lamp without a body, in words.
+fn lost(lamp: &FreeLamp) -> Option<String> {
+    let key = &lamp.key;
+    match lamp.shape {
+        LampShape::Spot { outer_rad, .. } if outer_rad > FRAC_PI_2 + ROUNDED => {
+            Some(format!("`{key}` has a cone of more than 90°, which glTF has no place for: its light ends there"))
+        }
+        _ if lamp.shape.has_soft_shadows() => {
+            Some(format!("`{key}` has an angle, which glTF has no place for: its shadows are sharp there"))
+        }
+        _ => None,
+    }
 }
 
 /// What a lamp sends at most, channel by channel.
@@ -106,7 +117,8 @@ fn punctual(document: &mut Document, lamp: &FreeLamp, light: Vec3) -> Value {
     match lamp.shape {
         LampShape::Spot { inner_rad, outer_rad } => {
             own["type"] = "spot".into();
-            own["spot"] = json!({ "innerConeAngle": inner_rad, "outerConeAngle": outer_rad.max(LEAST_CONE_RAD) });
+            let (inner_rad, outer_rad) = (inner_rad.min(FRAC_PI_2), outer_rad.clamp(LEAST_CONE_RAD, FRAC_PI_2));
+            own["spot"] = json!({ "innerConeAngle": inner_rad, "outerConeAngle": outer_rad });
         }
         LampShape::Directional { .. } => own["type"] = "directional".into(),
         _ => {}

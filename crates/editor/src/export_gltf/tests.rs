@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clerestory_transport::import;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightGroup, LightRig, LightSetting, PanelSpot};
+use clerestory_transport::scene::PunctualKind;
 use glam::Vec3;
 use serde_json::{Value, json};
 
@@ -333,6 +334,33 @@ fn free_lamps_become_nodes_that_shine_alike() {
     }
     // The light of the file is what it was.
     assert_same_light(&scene, &Look::default(), &open(&out));
+}
+
+#[test]
+fn a_spot_wider_than_gltf_has_them_is_told_and_ends_at_90_degrees() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.glb"));
+    std::fs::write(&file, include_str!("../../tests/room.gltf")).unwrap();
+    let mut look = Look::default();
+    for (key, outer_rad) in [("wide", 2.0), ("right", std::f32::consts::FRAC_PI_2)] {
+        look.lights.lamps.push(FreeLamp {
+            key: key.into(),
+            shape: LampShape::Spot { inner_rad: 0.2, outer_rad },
+            position: Vec3::new(0.1, 0.4, -0.2),
+            aim: Vec3::new(0.3, -0.4, -0.6),
+            strength: 30.0,
+            unit: LampUnit::Candela,
+            setting: LightSetting::default(),
+            turn_rad: 0.0,
+            replaces: None,
+        });
+    }
+    let told = save(&file, &open(&file), &look, &out);
+    assert!(told.len() == 1 && told[0].contains("`wide` has a cone"), "{told:?}");
+    let again = import::load(&out).unwrap();
+    assert!(again.report.warnings.is_empty(), "{:?}", again.report);
+    let ends = PunctualKind::Spot { inner_rad: 0.2, outer_rad: std::f32::consts::FRAC_PI_2 };
+    assert!(again.scene.punctual.iter().filter(|lamp| lamp.kind == ends).count() == 2, "{:?}", again.scene.punctual);
 }
 
 #[test]
