@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use super::lights::color_and_strength;
 use super::muted::{Part, darken, turned_on};
-use super::raw::{Document, LAMPS, PROFILES};
+use super::raw::{Document, LAMPS, PROFILES, whole};
 use super::shared::Shared;
 
 /// Corners of a disk, and of a sphere from pole to pole; around it has twice as many.
@@ -90,9 +90,11 @@ fn light_of(lamp: &FreeLamp) -> Result<Vec3> {
 
 /// Puts a node into the scene that is shown.
 fn place(document: &mut Document, node: usize) -> Result<()> {
-    let idx = document.read::<usize>("scene").unwrap_or(0);
+    let n_scenes = document.len("scenes");
+    let idx = document.read("scene").and_then(whole).filter(|idx| *idx < n_scenes).unwrap_or(0);
     let mut scene = document.item("scenes", idx).context("the file names no scene that a lamp could be put in")?;
-    let mut nodes: Vec<usize> = scene.read("nodes").unwrap_or_default();
+    let nodes: Vec<f64> = scene.read("nodes").unwrap_or_default();
+    let mut nodes: Vec<usize> = nodes.into_iter().filter_map(whole).collect();
     nodes.push(node);
     scene.set("nodes", &nodes);
     document.put("scenes", idx, &scene);

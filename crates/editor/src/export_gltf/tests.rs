@@ -336,25 +336,49 @@ fn free_lamps_become_nodes_that_shine_alike() {
     assert_same_light(&scene, &Look::default(), &open(&out));
 }
 
+/// A lamp of a look in the room.
+fn free(key: &str, shape: LampShape) -> FreeLamp {
+    FreeLamp {
+        key: key.into(),
+        shape,
+        position: Vec3::new(0.1, 0.4, -0.2),
+        aim: Vec3::new(0.3, -0.4, -0.6),
+        strength: 300.0,
+        unit: LampUnit::Lumen,
+        setting: LightSetting::default(),
+        turn_rad: 0.4,
+        replaces: None,
+    }
+}
+
+#[test]
+fn places_that_are_written_with_a_fraction_of_zero_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
+    let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
+    gltf["scene"] = json!(0.0);
+    gltf["scenes"][0]["nodes"] = json!([0.0, 1.0, 2.0]);
+    gltf["nodes"][1]["extensions"]["KHR_lights_punctual"]["light"] = json!(0.0);
+    std::fs::write(&file, gltf.to_string()).unwrap();
+    let scene = open(&file);
+    let mut look = Look::default();
+    look.lights.lights.insert("lamp".into(), LightSetting { intensity: 0.5, ..LightSetting::default() });
+    look.lights.lamps = vec![free("added", LampShape::Point)];
+    assert_eq!(save(&file, &scene, &look, &out), Vec::<String>::new());
+    let again = open(&out);
+    assert_same_light(&scene, &look, &again);
+    assert!(again.lighting.basis.source("added").is_some() && again.scene.mesh.triangles.len() == 12);
+}
+
 #[test]
 fn a_spot_wider_than_gltf_has_them_is_told_and_ends_at_90_degrees() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.glb"));
     std::fs::write(&file, include_str!("../../tests/room.gltf")).unwrap();
     let mut look = Look::default();
-    for (key, outer_rad) in [("wide", 2.0), ("right", std::f32::consts::FRAC_PI_2)] {
-        look.lights.lamps.push(FreeLamp {
-            key: key.into(),
-            shape: LampShape::Spot { inner_rad: 0.2, outer_rad },
-            position: Vec3::new(0.1, 0.4, -0.2),
-            aim: Vec3::new(0.3, -0.4, -0.6),
-            strength: 30.0,
-            unit: LampUnit::Candela,
-            setting: LightSetting::default(),
-            turn_rad: 0.0,
-            replaces: None,
-        });
-    }
+    look.lights.lamps = [("wide", 2.0), ("right", std::f32::consts::FRAC_PI_2)]
+        .map(|(key, outer_rad)| free(key, LampShape::Spot { inner_rad: 0.2, outer_rad }))
+        .into();
     let told = save(&file, &open(&file), &look, &out);
     assert!(told.len() == 1 && told[0].contains("`wide` has a cone"), "{told:?}");
     let again = import::load(&out).unwrap();
@@ -377,17 +401,7 @@ fn a_free_lamp_of_a_eulumdat_file_comes_back_with_its_distribution() {
     lines.extend(["0", "0", "45", "90", "100", "50", "0"]);
     std::fs::write(&profile, lines.join("\n")).unwrap();
     let mut look = Look::default();
-    look.lights.lamps = vec![FreeLamp {
-        key: "measured".into(),
-        shape: LampShape::Profile { file: profile.display().to_string() },
-        position: Vec3::new(0.1, 0.4, -0.2),
-        aim: Vec3::new(0.3, -0.4, -0.6),
-        strength: 300.0,
-        unit: LampUnit::Lumen,
-        setting: LightSetting::default(),
-        turn_rad: 0.4,
-        replaces: None,
-    }];
+    look.lights.lamps = vec![free("measured", LampShape::Profile { file: profile.display().to_string() })];
     let told = save(&file, &open(&file), &look, &out);
     assert!(told.len() == 1 && told[0].contains("`measured` has a EULUMDAT file"), "{told:?}");
     let again = open(&out);
