@@ -257,6 +257,14 @@ mod tests {
             ("TEXTURES\\.\\c.bin", "c"),
         ] {
             assert_eq!(locator.fetch(uri).unwrap(), bytes.as_bytes(), "{uri}");
+            let (path, name) = named_file(folder.path(), uri).unwrap();
+            assert_eq!(std::fs::read(path).unwrap(), bytes.as_bytes(), "{uri}");
+            // A copy by that name is found as well.
+            let copy = outside.path().join(name);
+            std::fs::create_dir_all(copy.parent().unwrap()).unwrap();
+            std::fs::write(&copy, bytes).unwrap();
+            let found = named_file(outside.path(), uri).unwrap().0;
+            assert_eq!(found, copy.canonicalize().unwrap(), "{uri}");
         }
         assert!(locator.fetch("textures").unwrap_err().contains("no regular file"));
         assert!(locator.fetch("Textures/D.bin").unwrap_err().contains("missing"));
@@ -268,6 +276,7 @@ mod tests {
             assert!(locator.fetch("out/secret").unwrap_err().contains("beside"));
             assert!(locator.fetch("OUT/Secret").unwrap_err().contains("beside"));
             assert_eq!(locator.fetch("in").unwrap(), b"a");
+            assert_eq!((named_file(folder.path(), "out/secret"), named_file(folder.path(), "textures")), (None, None));
         }
         drop(outside);
     }
