@@ -82,10 +82,12 @@ pub(super) fn save(
     if let Some(folder) = folder {
         copy_resources(&mut document, folder, beside)?;
     }
-    if let (Kind::Gltf, Some(bin)) = (kind, source.bin()) {
+    // The binary part is the first buffer, unless that lies elsewhere or there is none.
+    let first = (document.len("buffers") > 0).then(|| document.item("buffers", 0)).transpose()?;
+    let first = first.filter(|buffer| buffer.read::<String>("uri").is_none());
+    if let (Kind::Gltf, Some(bin), Some(mut buffer)) = (kind, source.bin(), first) {
         let name = path.with_extension("bin");
         put_beside(&name, bin)?;
-        let mut buffer = document.item("buffers", 0)?;
         buffer.set("uri", &percent_encoded(&name.file_name().unwrap_or_default().to_string_lossy()));
         document.put("buffers", 0, &buffer);
     }

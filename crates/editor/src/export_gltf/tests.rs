@@ -526,3 +526,16 @@ fn the_binary_part_is_named_as_a_uri() {
     assert_eq!(parts(&out).0["buffers"][0]["uri"], "50%25%20night.bin");
     assert_eq!(std::fs::read(folder.path().join("50% night.bin")).unwrap(), b"abc\0");
 }
+
+#[test]
+fn a_binary_part_that_no_buffer_is_takes_the_place_of_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.gltf");
+    let source = Container { json: b"{}", chunks: vec![(0x004E_4942, &b"abc\0"[..])] };
+    for json in [r#"{"buffers": [{"byteLength": 3, "uri": "data:,xyz"}]}"#, "{}"] {
+        let document = Document::parse(json.as_bytes()).unwrap();
+        container::save(&source, document, Kind::Gltf, None, &out).unwrap();
+        assert_eq!(parts(&out).0, serde_json::from_str::<Value>(json).unwrap());
+        assert!(!folder.path().join("out.bin").exists());
+    }
+}
