@@ -16,6 +16,7 @@ use clerestory_transport::import::read_profile;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use clerestory_transport::light::{LightSetting, PanelSpot, luminance};
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::scene::PunctualKind;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -229,8 +230,11 @@ fn of_lamp(lamp: &FreeLamp, look: &Look) -> Luminaire {
 fn direction(emitter: &Emitter) -> Option<Vec3> {
     match emitter {
         Emitter::Punctual(light) => {
-            (light.kind != clerestory_transport::scene::PunctualKind::Point).then_some(light.direction)
+            let is_aimed = light.kind != PunctualKind::Point || light.profile.is_some();
+            is_aimed.then_some(light.direction)
         }
+        // A directional lamp that was given a size; its own direction leads to it.
+        Emitter::Sun(sun) => Some(-sun.direction),
         Emitter::Panel(panel) => (!panel.double_sided).then_some(panel.normal),
         _ => None,
     }
@@ -239,6 +243,8 @@ fn direction(emitter: &Emitter) -> Option<Vec3> {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::import;
+    use clerestory_transport::photometry::{PhotometricProfile, assign};
+    use clerestory_transport::scene::Scene;
 
     use super::*;
 
@@ -274,6 +280,35 @@ mod tests {
         assert!((schedule.lumen() - 400.0 - lumen).abs() < 1e-2);
         assert!((schedule.watt() - schedule.lumen() / 80.0).abs() < 1e-9);
         assert!((schedule.watt_per_m2().unwrap() - schedule.watt() / 4.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_directional_lamp_shines_the_same_way_with_a_size() {
+        let room = include_str!("../tests/room.gltf").replace("\"point\"", "\"directional\"");
+        let mut scene = import::load_bytes("room", room.as_bytes()).unwrap().scene;
+        let direction = |scene: &Scene| {
+            let (scene, _) = PreparedScene::new(scene.clone(), &[]).unwrap();
+            let look = Look::default();
+            Schedule::new(&scene.lighting.basis, Some(&scene), &look, None, None).luminaires[0].direction
+        };
+        assert_eq!(direction(&scene), Some(Vec3::NEG_Z));
+        assert_eq!(scene.set_sun_radius(0.01), 1);
+        assert_eq!(direction(&scene), Some(Vec3::NEG_Z));
+    }
+
+    #[test]
+    fn a_measured_lamp_of_the_file_has_an_aim_and_a_bare_point_lamp_has_none() {
+        let ies = b"IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
+        let room = include_str!("../tests/room.gltf");
+        let mut scene = import::load_bytes("room", room.as_bytes()).unwrap().scene;
+        let direction = |scene: &Scene| {
+            let (scene, _) = PreparedScene::new(scene.clone(), &[]).unwrap();
+            let look = Look::default();
+            Schedule::new(&scene.lighting.basis, Some(&scene), &look, None, None).luminaires[0].direction
+        };
+        assert_eq!(direction(&scene), None);
+        assign(&mut scene, "lamp", PhotometricProfile::parse(ies, "x.ies").unwrap(), 1.0).unwrap();
+        assert_eq!(direction(&scene), Some(Vec3::NEG_Z));
     }
 
     #[test]

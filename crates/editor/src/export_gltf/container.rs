@@ -1,9 +1,10 @@
 //! GLB chunks, and the files that a glTF refers to.
 
 use std::io::Write;
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use clerestory_transport::import::named_file;
 
 use super::raw::{Document, PROFILES};
 use crate::output::{PendingFile, write_whole};
@@ -81,11 +82,13 @@ pub(super) fn save(
     if let Some(folder) = folder {
         copy_resources(&mut document, folder, beside)?;
     }
-    if let (Kind::Gltf, Some(bin)) = (kind, source.bin()) {
+    // The binary part is the first buffer, unless that lies elsewhere or there is none.
+    let first = (document.len("buffers") > 0).then(|| document.item("buffers", 0)).transpose()?;
+    let first = first.filter(|buffer| buffer.read::<String>("uri").is_none());
+    if let (Kind::Gltf, Some(bin), Some(mut buffer)) = (kind, source.bin(), first) {
         let name = path.with_extension("bin");
         put_beside(&name, bin)?;
-        let mut buffer = document.item("buffers", 0)?;
-        buffer.set("uri", &name.file_name().unwrap_or_default().to_string_lossy());
+        buffer.set("uri", &percent_encoded(&name.file_name().unwrap_or_default().to_string_lossy()));
         document.put("buffers", 0, &buffer);
     }
     let mut json = document.into_json();
@@ -107,6 +110,13 @@ pub(super) fn save(
     })
 }
 
+/// A file name as it stands in a URI, where `:`, `%`, `#` and others have a meaning of their own.
+fn percent_encoded(name: &str) -> String {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
+    let encoded = |byte: u8| if is_plain(byte) { char::from(byte).to_string() } else { format!("%{byte:02X}") };
+    name.bytes().map(encoded).collect()
+}
+
 /// Copies the files that a document refers to from its old folder to the same places below the new one.
 fn copy_resources(document: &mut Document, from: &Path, to: &Path) -> Result<()> {
     let canonical = |folder: &Path| if folder.as_os_str().is_empty() { Path::new(".") } else { folder }.canonicalize();
@@ -116,10 +126,10 @@ fn copy_resources(document: &mut Document, from: &Path, to: &Path) -> Result<()>
     for list in ["buffers", "images", PROFILES] {
         for idx in 0..document.len(list) {
             let uri: Option<String> = document.item(list, idx).unwrap_or_default().read("uri");
-            let Some(file) = uri.as_deref().and_then(|uri| beside(uri, from)) else { continue };
-            let target = to.join(&file);
-            let content = std::fs::read(from.join(&file))
-                .with_context(|| format!("cannot read {}, which the scene needs", from.join(&file).display()))?;
+            let Some((file, name)) = uri.as_deref().and_then(|uri| named_file(from, uri)) else { continue };
+            let target = to.join(name);
+            let content = std::fs::read(&file)
+                .with_context(|| format!("cannot read {}, which the scene needs", file.display()))?;
             if let Some(parent) = target.parent() {
                 std::fs::create_dir_all(parent)
                     .with_context(|| format!("cannot make the folder {}", parent.display()))?;
@@ -128,24 +138,6 @@ fn copy_resources(document: &mut Document, from: &Path, to: &Path) -> Result<()>
         }
     }
     Ok(())
-}
-
-/// The file that a URI names below a folder, as it is named there; none for data, addresses, and what lies elsewhere.
-fn beside(uri: &str, folder: &Path) -> Option<PathBuf> {
-    let is_below = |path: &Path| path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    let names = [percent_decode(uri)?, uri.to_owned()].map(PathBuf::from);
-    let has_scheme = uri.split_once(':').is_some_and(|(scheme, _)| scheme.chars().all(|c| c.is_ascii_alphanumeric()));
-    names.into_iter().find(|name| !has_scheme && is_below(name) && folder.join(name).is_file())
-}
-
-fn percent_decode(text: &str) -> Option<String> {
-    let (mut bytes, mut at) = (Vec::new(), 0);
-    while let Some(byte) = text.as_bytes().get(at) {
-        let code = text.get(at + 1..at + 3).filter(|_| *byte == b'%').and_then(|hex| u8::from_str_radix(hex, 16).ok());
-        bytes.push(code.unwrap_or(*byte));
-        at += if code.is_some() { 3 } else { 1 };
-    }
-    String::from_utf8(bytes).ok()
 }
 
 /// Writes a file that the scene needs, unless it is there already; another one of that name is not overwritten.

@@ -1,6 +1,6 @@
 //! Free lamps as nodes of the file. Those with a body become shining surfaces.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -12,12 +12,14 @@ use serde_json::{Value, json};
 
 use super::lights::color_and_strength;
 use super::muted::{Part, darken, turned_on};
-use super::raw::{Document, LAMPS, PROFILES};
+use super::raw::{Document, LAMPS, PROFILES, whole};
 use super::shared::Shared;
 
 /// Corners of a disk, and of a sphere from pole to pole; around it has twice as many.
 const DISK_CORNERS: u16 = 64;
 const SPHERE_RINGS: u16 = 16;
+/// By how much a cone of 90° may be off, radians.
+const ROUNDED: f32 = 1e-3;
 /// A body is at least so large, m: what is smaller shines from that size.
 const LEAST_M: f32 = 5e-3;
 
@@ -42,16 +44,18 @@ pub(super) fn write(
                 (body(document, lamp, light), Part::Surfaces)
             }
             LampShape::Profile { file } => {
-                let (node, most_cd) = measured(document, lamp, light, Path::new(file))?;
-                (node, Part::Lamp(Some(most_cd)))
-            }
-            LampShape::Point | LampShape::Spot { .. } | LampShape::Directional { .. } => {
-                if lamp.shape.has_soft_shadows() {
+                let file = Path::new(file);
+                if file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ldt")) {
                     warnings.push(format!(
-                        "`{}` has an angle, which glTF has no place for: its shadows are sharp there",
+                        "`{}` has a EULUMDAT file, which other programs may not read there: glTF asks for IES",
                         lamp.key
                     ));
                 }
+                let (node, most_cd) = measured(document, lamp, light, file)?;
+                (node, Part::Lamp(Some(most_cd)))
+            }
+            LampShape::Point | LampShape::Spot { .. } | LampShape::Directional { .. } => {
+                warnings.extend(lost(lamp));
                 (punctual(document, lamp, light), Part::Lamp(None))
             }
         };
@@ -64,6 +68,20 @@ pub(super) fn write(
     Ok(())
 }
 
+/// What glTF has no place for of a lamp without a body, in words.
+fn lost(lamp: &FreeLamp) -> Option<String> {
+    let key = &lamp.key;
+    match lamp.shape {
+        LampShape::Spot { outer_rad, .. } if outer_rad > FRAC_PI_2 + ROUNDED => {
+            Some(format!("`{key}` has a cone of more than 90°, which glTF has no place for: its light ends there"))
+        }
+        _ if lamp.shape.has_soft_shadows() => {
+            Some(format!("`{key}` has an angle, which glTF has no place for: its shadows are sharp there"))
+        }
+        _ => None,
+    }
+}
+
 /// What a lamp sends at most, channel by channel.
 fn light_of(lamp: &FreeLamp) -> Result<Vec3> {
     let prepared = PreparedLamps::new(std::slice::from_ref(lamp), None)?.0;
@@ -72,9 +90,11 @@ fn light_of(lamp: &FreeLamp) -> Result<Vec3> {
 
 /// Puts a node into the scene that is shown.
 fn place(document: &mut Document, node: usize) -> Result<()> {
-    let idx = document.read::<usize>("scene").unwrap_or(0);
+    let n_scenes = document.len("scenes");
+    let idx = document.read("scene").and_then(whole).filter(|idx| *idx < n_scenes).unwrap_or(0);
     let mut scene = document.item("scenes", idx).context("the file names no scene that a lamp could be put in")?;
-    let mut nodes: Vec<usize> = scene.read("nodes").unwrap_or_default();
+    let nodes: Vec<f64> = scene.read("nodes").unwrap_or_default();
+    let mut nodes: Vec<usize> = nodes.into_iter().filter_map(whole).collect();
     nodes.push(node);
     scene.set("nodes", &nodes);
     document.put("scenes", idx, &scene);
@@ -99,7 +119,8 @@ fn punctual(document: &mut Document, lamp: &FreeLamp, light: Vec3) -> Value {
     match lamp.shape {
         LampShape::Spot { inner_rad, outer_rad } => {
             own["type"] = "spot".into();
-            own["spot"] = json!({ "innerConeAngle": inner_rad, "outerConeAngle": outer_rad.max(LEAST_CONE_RAD) });
+            let (inner_rad, outer_rad) = (inner_rad.min(FRAC_PI_2), outer_rad.clamp(LEAST_CONE_RAD, FRAC_PI_2));
+            own["spot"] = json!({ "innerConeAngle": inner_rad, "outerConeAngle": outer_rad });
         }
         LampShape::Directional { .. } => own["type"] = "directional".into(),
         _ => {}
@@ -117,7 +138,9 @@ fn measured(document: &mut Document, lamp: &FreeLamp, light: Vec3, file: &Path) 
     let (color, candela) = color_and_strength(light);
     document.uses(PROFILES);
     let uri = data_uri(&bytes);
-    let idx = document.push(PROFILES, &json!({ "name": lamp.key, "uri": uri }));
+    // By the name of the file it is known what the data is.
+    let file_name = file.file_name().unwrap_or(file.as_os_str()).to_string_lossy();
+    let idx = document.push(PROFILES, &json!({ "name": file_name, "uri": uri }));
     let instance = json!({ "light": idx, "multiplier": candela / most.max(f32::MIN_POSITIVE), "color": color });
     Ok((node(lamp, json!({ "extensions": { PROFILES: instance } })), most))
 }

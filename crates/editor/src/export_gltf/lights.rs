@@ -40,6 +40,14 @@ pub(super) fn write(document: &mut Document, scene: &PreparedScene, rig: &LightR
                 write_lamp(document, &mut shared, node, most_cd.map(|_| source.strength), now)?;
                 (node, Part::Lamp(most_cd))
             }
+            // A directional lamp that was given a size. What lights the sky is no lamp of the file.
+            Emitter::Sun(_) if source.kind == SourceKind::Directional => {
+                let Some(lamp) = scene.lamp_called(&source.key) else { continue };
+                let node = file_node(scene, lamp.node);
+                write_lamp(document, &mut shared, node, None, now)?;
+                warnings.push(sized(source));
+                (node, Part::Lamp(None))
+            }
             Emitter::Surface(surface) => {
                 let Some(triangle) = surface.triangles.first() else { continue };
                 let node = file_node(scene, scene.mesh.triangle_node[triangle.triangle as usize]);
@@ -79,6 +87,10 @@ pub(super) fn file_node(scene: &Scene, node: u32) -> usize {
 
 fn left_out(source: &LightSource) -> String {
     format!("`{}` is no light of the file, so how it is set is not written", source.key)
+}
+
+fn sized(source: &LightSource) -> String {
+    format!("`{}` has an angle, which glTF has no place for: its shadows are sharp there", source.key)
 }
 
 fn beyond(n_spots: usize, source: &LightSource) -> String {

@@ -96,10 +96,10 @@ fn darken_lamp(document: &mut Document, shared: &mut Shared, node_idx: usize, mo
 
 fn darken_surfaces(document: &mut Document, shared: &mut Shared, node_idx: usize) -> Result<()> {
     let node = document.item("nodes", node_idx)?;
-    let Some(mesh_idx) = node.read::<usize>("mesh") else { return Ok(()) };
+    let Some(mesh_idx) = node.place("mesh") else { return Ok(()) };
     let mut kept = Vec::new();
     for part in primitives(&document.item("meshes", mesh_idx)?) {
-        let material = part.read::<usize>("material").map(|idx| document.item("materials", idx)).transpose()?;
+        let material = part.place("material").map(|idx| document.item("materials", idx)).transpose()?;
         let emission = material.and_then(|material| Emission::of(&material));
         kept.push(emission.map(|own| MutedLight { color: own.factor, strength: own.strength }));
     }

@@ -18,6 +18,11 @@ pub(super) fn raw(value: &(impl Serialize + ?Sized)) -> Box<RawValue> {
     to_raw_value(value).expect("numbers, texts, lists and objects always have a JSON form")
 }
 
+/// A place in a list, which may be written as `2.0` and is read so.
+pub(super) fn whole(number: f64) -> Option<usize> {
+    (number >= 0.0 && number.fract() == 0.0).then_some(number as usize)
+}
+
 impl RawObject {
     /// A member as it was written.
     pub fn get(&self, key: &str) -> Option<&RawValue> {
@@ -27,6 +32,11 @@ impl RawObject {
     /// A member, if it is there and has this form.
     pub fn read<T: DeserializeOwned>(&self, key: &str) -> Option<T> {
         serde_json::from_str(self.get(key)?.get()).ok()
+    }
+
+    /// A member that is the place of an item in a list.
+    pub fn place(&self, key: &str) -> Option<usize> {
+        self.read::<f64>(key).and_then(whole)
     }
 
     /// Sets a member; one that is new comes last.

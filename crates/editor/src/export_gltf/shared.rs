@@ -21,11 +21,11 @@ impl Shared {
         for node in 0..document.len("nodes") {
             let node = document.item("nodes", node).unwrap_or_default();
             lamp_of(&node).into_iter().for_each(|lamp| *shared.lamps.entry(lamp).or_default() += 1);
-            node.read("mesh").into_iter().for_each(|mesh| *shared.meshes.entry(mesh).or_default() += 1);
+            node.place("mesh").into_iter().for_each(|mesh| *shared.meshes.entry(mesh).or_default() += 1);
         }
         for mesh in 0..document.len("meshes") {
             let mesh = document.item("meshes", mesh).unwrap_or_default();
-            let materials = primitives(&mesh).into_iter().filter_map(|primitive| primitive.read::<usize>("material"));
+            let materials = primitives(&mesh).into_iter().filter_map(|primitive| primitive.place("material"));
             materials.for_each(|material| *shared.materials.entry(material).or_default() += 1);
         }
         shared
@@ -54,13 +54,13 @@ impl Shared {
         mut change: impl FnMut(usize, RawObject) -> Option<RawObject>,
     ) -> Result<()> {
         let mut node = document.item("nodes", node_idx)?;
-        let Some(mesh_idx) = node.read::<usize>("mesh") else { return Ok(()) };
+        let Some(mesh_idx) = node.place("mesh") else { return Ok(()) };
         let mut mesh = document.item("meshes", mesh_idx)?;
         let mut parts = primitives(&mesh);
         let is_shared_mesh = self.meshes.get(&mesh_idx).is_some_and(|n_uses| *n_uses > 1);
         let mut places: BTreeMap<usize, Option<usize>> = BTreeMap::new();
         for (nth, part) in parts.iter_mut().enumerate() {
-            let Some(idx) = part.read::<usize>("material") else { continue };
+            let Some(idx) = part.place("material") else { continue };
             let place = match places.get(&idx) {
                 Some(place) => *place,
                 None => change(nth, document.item("materials", idx)?).map(|material| {
@@ -94,14 +94,14 @@ impl Shared {
     /// Whether no other mesh has a material.
     fn is_within(&self, mesh: &RawObject, material: usize) -> bool {
         let parts = primitives(mesh);
-        let n_here = parts.iter().filter(|part| part.read::<usize>("material") == Some(material)).count();
+        let n_here = parts.iter().filter(|part| part.place("material") == Some(material)).count();
         self.materials.get(&material).is_none_or(|n_uses| *n_uses as usize <= n_here)
     }
 }
 
 /// The lamp of a node, by its number.
 pub(super) fn lamp_of(node: &RawObject) -> Option<usize> {
-    node.read::<RawObject>("extensions")?.read::<RawObject>(LAMPS)?.read("light")
+    node.read::<RawObject>("extensions")?.read::<RawObject>(LAMPS)?.place("light")
 }
 
 /// The primitives of a mesh.

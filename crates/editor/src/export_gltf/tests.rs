@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clerestory_transport::import;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightGroup, LightRig, LightSetting, PanelSpot};
+use clerestory_transport::scene::PunctualKind;
 use glam::Vec3;
 use serde_json::{Value, json};
 
@@ -177,6 +178,26 @@ fn what_several_nodes_share_is_copied_and_muted_lights_are_dark() {
     assert_eq!(parts(&third), parts(&out));
 }
 
+#[test]
+fn a_directional_lamp_with_a_size_is_written_as_it_is_set() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
+    std::fs::write(&file, include_str!("../../tests/room.gltf").replace("\"point\"", "\"directional\"")).unwrap();
+    let mut scene = import::load(&file).unwrap().scene;
+    assert_eq!(scene.set_sun_radius(0.01), 1);
+    let scene = PreparedScene::new(scene, &[]).unwrap().0;
+    let mut look = Look::default();
+    let dim = LightSetting { intensity: 0.5, color: Some([1.0, 0.5, 0.25]), ..LightSetting::default() };
+    for muted in [false, true] {
+        look.lights.lights.insert("lamp".into(), LightSetting { muted, ..dim });
+        let told = save(&file, &scene, &look, &out);
+        assert!(told.len() == 1 && told[0].contains("`lamp` has an angle"), "{told:?}");
+        let again = open(&out);
+        assert_same_light(&scene, &look, &again);
+        assert_eq!(again.lighting.basis.muted.contains("lamp"), muted);
+    }
+}
+
 /// All lights are off, each in one of the ways there are.
 fn turned_off(scene: &PreparedScene, look: &Look) -> Look {
     let mut off = look.clone();
@@ -315,6 +336,79 @@ fn free_lamps_become_nodes_that_shine_alike() {
     assert_same_light(&scene, &Look::default(), &open(&out));
 }
 
+/// A lamp of a look in the room.
+fn free(key: &str, shape: LampShape) -> FreeLamp {
+    FreeLamp {
+        key: key.into(),
+        shape,
+        position: Vec3::new(0.1, 0.4, -0.2),
+        aim: Vec3::new(0.3, -0.4, -0.6),
+        strength: 300.0,
+        unit: LampUnit::Lumen,
+        setting: LightSetting::default(),
+        turn_rad: 0.4,
+        replaces: None,
+    }
+}
+
+#[test]
+fn places_that_are_written_with_a_fraction_of_zero_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
+    let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
+    gltf["scene"] = json!(0.0);
+    gltf["scenes"][0]["nodes"] = json!([0.0, 1.0, 2.0]);
+    gltf["nodes"][1]["extensions"]["KHR_lights_punctual"]["light"] = json!(0.0);
+    std::fs::write(&file, gltf.to_string()).unwrap();
+    let scene = open(&file);
+    let mut look = Look::default();
+    look.lights.lights.insert("lamp".into(), LightSetting { intensity: 0.5, ..LightSetting::default() });
+    look.lights.lamps = vec![free("added", LampShape::Point)];
+    assert_eq!(save(&file, &scene, &look, &out), Vec::<String>::new());
+    let again = open(&out);
+    assert_same_light(&scene, &look, &again);
+    assert!(again.lighting.basis.source("added").is_some() && again.scene.mesh.triangles.len() == 12);
+}
+
+#[test]
+fn a_spot_wider_than_gltf_has_them_is_told_and_ends_at_90_degrees() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.glb"));
+    std::fs::write(&file, include_str!("../../tests/room.gltf")).unwrap();
+    let mut look = Look::default();
+    look.lights.lamps = [("wide", 2.0), ("right", std::f32::consts::FRAC_PI_2)]
+        .map(|(key, outer_rad)| free(key, LampShape::Spot { inner_rad: 0.2, outer_rad }))
+        .into();
+    let told = save(&file, &open(&file), &look, &out);
+    assert!(told.len() == 1 && told[0].contains("`wide` has a cone"), "{told:?}");
+    let again = import::load(&out).unwrap();
+    assert!(again.report.warnings.is_empty(), "{:?}", again.report);
+    let ends = PunctualKind::Spot { inner_rad: 0.2, outer_rad: std::f32::consts::FRAC_PI_2 };
+    assert!(again.scene.punctual.iter().filter(|lamp| lamp.kind == ends).count() == 2, "{:?}", again.scene.punctual);
+}
+
+#[test]
+fn a_free_lamp_of_a_eulumdat_file_comes_back_with_its_distribution() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out, profile) =
+        (folder.path().join("in.gltf"), folder.path().join("out.glb"), folder.path().join("x.ldt"));
+    std::fs::write(&file, include_str!("../../tests/room.gltf")).unwrap();
+    // Rotationally symmetric, 1000 lm.
+    let mut lines = vec!["0"; 42];
+    for (line, value) in [(3, "1"), (4, "1"), (6, "3"), (24, "1"), (26, "1"), (29, "1000")] {
+        lines[line - 1] = value;
+    }
+    lines.extend(["0", "0", "45", "90", "100", "50", "0"]);
+    std::fs::write(&profile, lines.join("\n")).unwrap();
+    let mut look = Look::default();
+    look.lights.lamps = vec![free("measured", LampShape::Profile { file: profile.display().to_string() })];
+    let told = save(&file, &open(&file), &look, &out);
+    assert!(told.len() == 1 && told[0].contains("`measured` has a EULUMDAT file"), "{told:?}");
+    let again = open(&out);
+    hold_free_lamps(&look, &again, false);
+    assert_eq!(again.lighting.basis.source("measured").unwrap().origin.profile.as_deref(), Some("x.ldt"));
+}
+
 #[test]
 fn the_plain_lamp_beside_a_measured_one_follows_it_and_comes_back_from_the_dark() {
     let folder = tempfile::tempdir().unwrap();
@@ -407,4 +501,41 @@ fn what_a_gltf_refers_to_comes_along_and_nothing_else_is_overwritten() {
     std::fs::write(to.join("data/a b.bin"), b"other").unwrap();
     let error = write(&to.join("third.gltf")).unwrap_err().to_string();
     assert!(error.contains("is there already") && !to.join("third.gltf").exists(), "{error}");
+}
+
+#[test]
+fn what_a_gltf_names_as_windows_does_comes_along() {
+    let folder = tempfile::tempdir().unwrap();
+    let (from, to) = (folder.path().join("from"), folder.path().join("to"));
+    std::fs::create_dir_all(from.join("data")).unwrap();
+    std::fs::create_dir(&to).unwrap();
+    std::fs::write(from.join("data/a b.bin"), b"abc").unwrap();
+    let bytes = br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": "Data\\A%20b.bin"}]}"#;
+    let (source, document) = (Container::split(bytes).unwrap(), Document::parse(bytes).unwrap());
+    container::save(&source, document, Kind::Gltf, Some(&from), &to.join("out.gltf")).unwrap();
+    assert_eq!(std::fs::read(to.join("Data/A b.bin")).unwrap(), b"abc");
+}
+
+#[test]
+fn the_binary_part_is_named_as_a_uri() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("50% night.gltf");
+    let source = Container { json: b"{}", chunks: vec![(0x004E_4942, &b"abc\0"[..])] };
+    let document = Document::parse(br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4}]}"#).unwrap();
+    container::save(&source, document, Kind::Gltf, None, &out).unwrap();
+    assert_eq!(parts(&out).0["buffers"][0]["uri"], "50%25%20night.bin");
+    assert_eq!(std::fs::read(folder.path().join("50% night.bin")).unwrap(), b"abc\0");
+}
+
+#[test]
+fn a_binary_part_that_no_buffer_is_takes_the_place_of_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.gltf");
+    let source = Container { json: b"{}", chunks: vec![(0x004E_4942, &b"abc\0"[..])] };
+    for json in [r#"{"buffers": [{"byteLength": 3, "uri": "data:,xyz"}]}"#, "{}"] {
+        let document = Document::parse(json.as_bytes()).unwrap();
+        container::save(&source, document, Kind::Gltf, None, &out).unwrap();
+        assert_eq!(parts(&out).0, serde_json::from_str::<Value>(json).unwrap());
+        assert!(!folder.path().join("out.bin").exists());
+    }
 }

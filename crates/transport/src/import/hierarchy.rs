@@ -94,17 +94,26 @@ fn roots(document: &Root, notes: &mut Notes) -> Vec<usize> {
         }
         document.get(index)
     });
+    let is_child = children(document);
     if let Some(scene) = asked.or(document.scenes.first()) {
         note_other_scenes(document, scene, notes);
-        return scene.nodes.iter().map(|node| node.value()).collect();
+        // A file may name all its nodes here: those below others come last, to stand where these put them.
+        let named = scene.nodes.iter().map(|node| node.value());
+        let (below, above): (Vec<usize>, Vec<usize>) = named.partition(|index| is_child.get(*index) == Some(&true));
+        return [above, below].concat();
     }
+    (0..is_child.len()).filter(|&index| !is_child[index]).collect()
+}
+
+/// Whether each node stands below another one.
+fn children(document: &Root) -> Vec<bool> {
     let mut is_child = vec![false; document.nodes.len()];
     for child in document.nodes.iter().flat_map(|node| node.children.iter().flatten()) {
         if let Some(flag) = is_child.get_mut(child.value()) {
             *flag = true;
         }
     }
-    (0..is_child.len()).filter(|&index| !is_child[index]).collect()
+    is_child
 }
 
 /// Tells of scenes with nodes that the shown one does not have: lamps and furniture may be among them.

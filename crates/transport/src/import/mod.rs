@@ -68,6 +68,7 @@ pub use environment::{decode_sky, load_sky};
 pub use openexr::{ExrPicture, read_exr};
 pub use profiles::read_profile;
 pub use report::ImportReport;
+pub use uri::named_file;
 
 use crate::emitters::lamp_keys;
 use crate::scene::{Scene, SceneNode};

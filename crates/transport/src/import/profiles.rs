@@ -124,10 +124,12 @@ impl<'a> Profiles<'a> {
         let uri = entry.get("uri").and_then(Value::as_str);
         let view = entry.get("bufferView").and_then(Value::as_u64).and_then(|view| usize::try_from(view).ok());
         let parse = |bytes: &[u8], name: &str| PhotometricProfile::parse(bytes, name).map_err(|e| e.to_string());
+        // Data without a file has a name here: that tells EULUMDAT by its end, and is what people know the profile by.
+        let name = entry.get("name").and_then(Value::as_str).filter(|name| !name.is_empty()).unwrap_or("its data");
         match (uri, view) {
-            (Some(uri), _) if uri.starts_with("data:") => parse(&self.locator.fetch(uri)?, "its data"),
+            (Some(uri), _) if uri.starts_with("data:") => parse(&self.locator.fetch(uri)?, name),
             (Some(uri), _) => parse(&self.locator.fetch(uri)?, uri),
-            (None, Some(view)) => parse(self.buffers.view(view)?.0, "its data"),
+            (None, Some(view)) => parse(self.buffers.view(view)?.0, name),
             (None, None) => Err("it names no bytes".to_owned()),
         }
     }

@@ -60,15 +60,11 @@ impl Locator {
             std::io::ErrorKind::NotFound => format!("the file {decoded:?} is missing"),
             _ => format!("the file {decoded:?} cannot be read ({error})"),
         };
-        let named = folder.join(&decoded).canonicalize();
-        // Some names hold percent signs of their own, and some programs write the separator of Windows.
-        let others = [uri.to_owned(), decoded.replace('\\', "/")];
-        let other = || others.iter().find_map(|name| folder.join(name).canonicalize().ok());
-        let path = named.or_else(|error| other().or_else(|| in_any_case(folder, &others[1])).ok_or(error));
-        if path.is_err() {
+        let found = found_in(folder, &decoded, uri);
+        if found.is_err() {
             self.note(folder.join(&decoded));
         }
-        let path = path.map_err(in_words)?;
+        let (path, _) = found.map_err(in_words)?;
         if !path.starts_with(folder.canonicalize().map_err(in_words)?) {
             return Err(elsewhere());
         }
@@ -84,6 +80,31 @@ impl Locator {
             Ok(_) => Ok(bytes),
             Err(_) => Err(std::io::Error::other(format!("all files together have more than {} GiB", MAX_BYTES >> 30))),
         }
+    }
+}
+
+/// The file that a URI of a glTF names in its folder or below, as an import finds it, and the name by which a copy of it is found below
+/// another folder. `None` for data, addresses, and what lies elsewhere or is not there.
+pub fn named_file(folder: &Path, uri: &str) -> Option<(PathBuf, PathBuf)> {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let decoded = String::from_utf8(percent_decode(uri)).ok()?;
+    if has_scheme(uri) || !is_below(&decoded) || !is_below(uri) {
+        return None;
+    }
+    let (path, name) = found_in(folder, &decoded, uri).ok()?;
+    let is_inside = path.is_file() && path.starts_with(folder.canonicalize().ok()?);
+    is_inside.then(|| (path, name.into()))
+}
+
+/// What a URI names in a folder, and by which of its names. Some names hold percent signs of their own, and some programs write the
+/// separator of Windows.
+fn found_in(folder: &Path, decoded: &str, uri: &str) -> std::io::Result<(PathBuf, String)> {
+    let others = [uri.to_owned(), decoded.replace('\\', "/")];
+    let other = || others.iter().find_map(|name| Some((folder.join(name).canonicalize().ok()?, name.clone())));
+    let in_another_case = || Some((in_any_case(folder, &others[1])?, others[1].clone()));
+    match folder.join(decoded).canonicalize() {
+        Ok(path) => Ok((path, decoded.to_owned())),
+        Err(error) => other().or_else(in_another_case).ok_or(error),
     }
 }
 
@@ -236,6 +257,14 @@ mod tests {
             ("TEXTURES\\.\\c.bin", "c"),
         ] {
             assert_eq!(locator.fetch(uri).unwrap(), bytes.as_bytes(), "{uri}");
+            let (path, name) = named_file(folder.path(), uri).unwrap();
+            assert_eq!(std::fs::read(path).unwrap(), bytes.as_bytes(), "{uri}");
+            // A copy by that name is found as well.
+            let copy = outside.path().join(name);
+            std::fs::create_dir_all(copy.parent().unwrap()).unwrap();
+            std::fs::write(&copy, bytes).unwrap();
+            let found = named_file(outside.path(), uri).unwrap().0;
+            assert_eq!(found, copy.canonicalize().unwrap(), "{uri}");
         }
         assert!(locator.fetch("textures").unwrap_err().contains("no regular file"));
         assert!(locator.fetch("Textures/D.bin").unwrap_err().contains("missing"));
@@ -247,6 +276,7 @@ mod tests {
             assert!(locator.fetch("out/secret").unwrap_err().contains("beside"));
             assert!(locator.fetch("OUT/Secret").unwrap_err().contains("beside"));
             assert_eq!(locator.fetch("in").unwrap(), b"a");
+            assert_eq!((named_file(folder.path(), "out/secret"), named_file(folder.path(), "textures")), (None, None));
         }
         drop(outside);
     }

@@ -208,6 +208,15 @@ fn scenes_are_chosen_as_gltf_says() {
 }
 
 #[test]
+fn a_node_that_its_scene_names_before_the_one_above_it_stands_below_that() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["nodes"] = json!([{"mesh": 0}, {"children": [0], "translation": [5, 0, 0]}]);
+    fixture.root["scenes"] = json!([{"nodes": [0, 1]}]);
+    let scene = fixture.load().scene;
+    assert_eq!((scene.mesh.triangles.len(), scene.mesh.corners(0)[0]), (1, Vec3::X * 5.0));
+}
+
+#[test]
 fn hidden_nodes_show_nothing_but_carry_their_cameras() {
     let mut fixture = Fixture::triangle();
     fixture.root["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 1}}]);
