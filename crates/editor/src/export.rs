@@ -185,7 +185,9 @@ impl Picture<'_> {
                 whole += f64::from(*value).powi(2);
             }
         }
-        if missed.sqrt() > LAYER_TOLERANCE * whole.sqrt() {
+        // Sums that are no number are not those of the picture either.
+        let is_same = missed.sqrt() <= LAYER_TOLERANCE * whole.sqrt();
+        if !is_same {
             bail!(
                 "the layers of light add up to another picture ({missed:.3e} against {whole:.3e}); write it without layers"
             );

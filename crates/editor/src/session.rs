@@ -196,6 +196,9 @@ pub struct Session {
     /// Grows with every picture that is whole: a preview, a finished pass, a bake from a file.
     pub n_whole: u64,
     n_counts: u64,
+    /// Whether finer blocks of irradiance took their place since the last count.
+    has_finer_lux: bool,
+    n_lux: u64,
     /// Seconds since the bake began, and its error at that time in dB.
     pub history: Vec<[f32; 2]>,
     bake_began: Instant,
@@ -246,6 +249,8 @@ impl Session {
             figures_at: Instant::now(),
             n_whole: 0,
             n_counts: 0,
+            has_finer_lux: false,
+            n_lux: 0,
             history: Vec::new(),
             bake_began: Instant::now(),
             begun: None,

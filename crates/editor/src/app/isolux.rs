@@ -20,6 +20,8 @@ struct Lined {
     /// Address of the header of the bake.
     bake: usize,
     n_sets: usize,
+    /// How often finer blocks came.
+    n_lux: u64,
     rig: LightRig,
     /// Address of the light of free lamps; 0 without.
     lamps: usize,
@@ -70,6 +72,7 @@ impl App {
             isolux,
             bake: Arc::as_ptr(&shown.header).addr(),
             n_sets: shown.irradiance.len(),
+            n_lux: self.session.n_lux(),
             rig: heard(&shown.header.basis, &self.seen().lights, &self.lights.solo),
             lamps: light.map_or(0, |light| Arc::as_ptr(&light.direct).addr()),
         };

@@ -56,8 +56,9 @@ impl ExrPicture<'_> {
         for (key, radiance) in &self.extra {
             channels.extend(rgb_channels(&format!("{}.", layer_name(key, &mut taken)), radiance, samples));
         }
-        for (key, radiance) in &self.layers {
-            let prefix = if key.is_empty() { String::new() } else { format!("{}.", layer_name(key, &mut taken)) };
+        for (nth, (key, radiance)) in self.layers.iter().enumerate() {
+            // The picture itself comes first; a light may be called by an empty name.
+            let prefix = if nth == 0 { String::new() } else { format!("{}.", layer_name(key, &mut taken)) };
             channels.extend(rgb_channels(&prefix, radiance, samples));
         }
         let mut attributes = LayerAttributes { software_name: Some(text(SOFTWARE)), ..LayerAttributes::default() };

@@ -37,6 +37,21 @@ fn an_exr_gives_back_every_bit_and_carries_look_and_layers() {
 }
 
 #[test]
+fn a_light_without_a_name_has_a_layer_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let (whole, look) = (gradient(1.0), Look::default());
+    let layers = ["", "b"].map(|key| LightLayer { key: key.into(), radiance: gradient(0.5) });
+    Picture { radiance: &whole, layers: &layers, irradiance: None, look: &look, units: Units::Photometric }
+        .save(&path, &ExportOptions::default())
+        .unwrap();
+    let meta = ::exr::meta::MetaData::read_from_file(&path, true).unwrap();
+    let names: Vec<String> = meta.headers[0].channels.list.iter().map(|c| c.name.to_string()).collect();
+    assert_eq!(names, ["B", "G", "R", "_.B", "_.G", "_.R", "b.B", "b.G", "b.R"]);
+    assert_eq!(read_exr(&path).unwrap(), whole);
+}
+
+#[test]
 fn the_same_picture_gives_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let paths = ["a.exr", "b.exr"].map(|name| folder.path().join(name));
@@ -154,12 +169,20 @@ fn pixels_that_are_no_numbers_and_layers_that_do_not_add_up_are_refused() {
         .unwrap_err()
         .to_string();
     assert!(error.contains("1 pixels"), "{error}");
-    let layers = [LightLayer { key: "half".into(), radiance: gradient(0.5) }];
-    assert!(
-        Picture { radiance: &gradient(1.0), layers: &layers, irradiance: None, look: &look, units: Units::Photometric }
+    for radiance in [gradient(0.5), bad] {
+        let layers = [LightLayer { key: "other".into(), radiance }];
+        assert!(
+            Picture {
+                radiance: &gradient(1.0),
+                layers: &layers,
+                irradiance: None,
+                look: &look,
+                units: Units::Photometric
+            }
             .save(&path, &ExportOptions::default())
             .is_err()
-    );
+        );
+    }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 

@@ -126,6 +126,7 @@ impl Session {
             let was_aside = self.is_aside();
             self.stop_baking();
             self.bake = if was_aside { self.state_of_shown() } else { BakeState::Stopped };
+            self.count();
         }
     }
 
@@ -204,6 +205,10 @@ impl Session {
         let frame = Arc::new(Frame { width: header.width, height: header.height, groups: header.empty_groups() });
         self.arriving = header.empty_irradiance().into();
         self.begin_view(Shown { header, camera, frame, irradiance: Vec::new(), packed: None, is_glimpse: false });
+        // Of a bake that goes on, the first ones are shown already.
+        let there = self.incoming.as_ref().or(self.shown.as_ref());
+        let n_there = there.map_or(0, |shown| shown.irradiance.len());
+        self.arriving.drain(..n_there.min(self.arriving.len()));
     }
 
     /// A first look at what is about to be baked.
@@ -237,7 +242,10 @@ impl Session {
         let Some(shown) = self.incoming.as_mut().or(self.shown.as_mut()) else { return };
         let n_there = shown.irradiance.len();
         let groups = match set.checked_sub(n_there) {
-            None => &mut shown.irradiance[set],
+            None => {
+                self.has_finer_lux |= is_shown;
+                &mut shown.irradiance[set]
+            }
             Some(nth) => match self.arriving.get_mut(nth) {
                 Some(groups) => groups,
                 None => return,
@@ -329,6 +337,7 @@ impl Session {
         let shown = self.shown.as_ref().filter(|shown| !shown.is_glimpse);
         self.figures = shown.map(|shown| shown.bake().figures());
         (self.figures_at, self.n_counts) = (Instant::now(), self.n_counts + 1);
+        self.n_lux += u64::from(std::mem::take(&mut self.has_finer_lux));
         // Before the first block there is no error to speak of.
         let counted = self.figures.as_ref().filter(|figures| figures.max_rank > 0 && self.bake.is_running());
         if let Some(figures) = counted {
@@ -340,11 +349,86 @@ impl Session {
     pub fn n_counts(&self) -> u64 {
         self.n_counts
     }
+
+    /// How often those counts found finer irradiance than the one before; what is measured of it is as new as that.
+    pub fn n_lux(&self) -> u64 {
+        self.n_lux
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::import;
+    use clerestory_transport::irradiance::IrradianceRows;
+    use clerestory_transport::prepared::PreparedScene;
+    use clerestory_transport::sensors::SensorGrid;
+    use glam::Vec3;
+
     use super::*;
+
+    /// What a bake of the room tells, which holds the light that arrives at its pixels, and behind that more points than pixels.
+    fn told() -> Vec<BakeEvent> {
+        let scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
+        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let camera = scene.scene.cameras[0].clone();
+        let grid = SensorGrid {
+            name: "grid".into(),
+            origin: Vec3::new(-0.4, -0.5, 0.4),
+            u_edge: Vec3::X * 0.5,
+            v_edge: Vec3::NEG_Z * 0.5,
+            normal: Vec3::Y,
+            size: [48, 16],
+            left_out: Vec::new(),
+        };
+        let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
+        let irradiance = vec![IrradianceRows::Pixels, IrradianceRows::Grid(grid)];
+        let (film, passes) = (Film { width: 20, height: 16 }, Passes::PreviewAndFinal);
+        let mut events = Vec::new();
+        let job = BakeJob { scene, camera, film, config, passes, irradiance };
+        job.run(|event| {
+            events.push(event);
+            std::ops::ControlFlow::Continue(())
+        })
+        .unwrap()
+        .unwrap();
+        events
+    }
+
+    /// Whether an event brings a block of a matrix of irradiance as it stays.
+    fn is_final(event: &BakeEvent, of: usize) -> bool {
+        matches!(event, BakeEvent::IrradianceDone { set, is_preview: false, .. } if *set == of)
+    }
+
+    #[test]
+    fn a_bake_that_goes_on_fills_the_matrices_of_irradiance_that_are_not_there_yet() {
+        let events = told();
+        let mut session = Session::new(Arc::new(|_| {}));
+        let before_grid = events.iter().take_while(|event| !is_final(event, 1));
+        before_grid.for_each(|event| session.bake_event(event.clone()));
+        assert_eq!(session.shown.as_ref().unwrap().irradiance.len(), 1, "the grid comes last");
+        session.cancel_bake();
+        events.into_iter().for_each(|event| session.bake_event(event));
+        let shown = session.shown.as_ref().unwrap();
+        let partitions: Vec<_> = shown.irradiance.iter().map(|groups| groups[0].partition.clone()).collect();
+        assert_eq!(partitions, shown.header.partitions()[1..]);
+    }
+
+    #[test]
+    fn what_was_measured_is_old_once_a_stopped_bake_has_finer_irradiance() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        let (mut events, mut n_finer) = (told().into_iter(), 0);
+        while n_finer == 0 {
+            let event = events.next().unwrap();
+            n_finer += usize::from(is_final(&event, 0));
+            session.bake_event(event);
+        }
+        let before = session.n_lux();
+        session.cancel_bake();
+        assert_eq!(session.n_lux(), before + 1);
+        session.count();
+        assert_eq!(session.n_lux(), before + 1, "nothing came since");
+    }
 
     #[test]
     fn each_pass_and_each_matrix_of_irradiance_is_counted_from_its_first_block() {

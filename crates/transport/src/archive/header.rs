@@ -206,14 +206,20 @@ fn check_columns(basis: &LightBasis) -> Result<(), &'static str> {
             return Err("its header has a light with missing columns");
         }
     }
+    let of_lights = basis.sources.last().map_or(0, |source| source.columns.end);
     let mut next = 0;
     for group in &basis.groups {
         // An empty group would cost memory for each block and no byte of the file.
         if group.columns.start != next || group.columns.end <= next {
             return Err("its header has groups out of order");
         }
-        let of_lights = basis.sources.last().map_or(0, |source| source.columns.end);
-        if (group.kind == ColumnKind::Patch) != (next >= of_lights) {
+        // Columns are counted by light as well as by group, so a group has whole lights; patches are one group behind all of them.
+        let begins_light = basis.sources.binary_search_by_key(&next, |source| source.columns.start).is_ok();
+        let fits = match group.kind {
+            ColumnKind::Patch => next == of_lights,
+            _ => begins_light && group.columns.end <= of_lights,
+        };
+        if !fits {
             return Err("its header has columns without a light");
         }
         next = group.columns.end;

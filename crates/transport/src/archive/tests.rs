@@ -152,6 +152,11 @@ fn what_a_header_asks_for_is_held_against_the_bytes_that_are_there() {
         let said = decoded(&forged(bytes, from, to)).unwrap_err().to_string();
         assert!(said.contains("damaged"), "{to}: {said}");
     }
+    // The columns of one light in two groups.
+    let [whole, first, rest] = [(1, 292), (1, 100), (100, 292)]
+        .map(|(start, end)| format!("{{\"kind\":\"sky\",\"columns\":{{\"start\":{start},\"end\":{end}}}}}"));
+    let said = decoded(&forged(FIXTURES[1].1, &whole, &format!("{first},{rest}"))).unwrap_err().to_string();
+    assert!(said.contains("columns without a light"), "{said}");
     let mut long = bytes.to_vec();
     long[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
     assert!(decoded(&long).unwrap_err().to_string().contains("ends in its header"));
