@@ -410,8 +410,7 @@ impl App {
             Action::TogglePanel(side) => self.toggle_panel(ctx, side),
             Action::ToggleShortcuts => self.toggle_shortcuts(ctx),
             Action::ToggleFullScreen => toggle_full_screen(ctx),
-            Action::CloseWindow => ctx.send_viewport_cmd(ViewportCommand::Close),
-            Action::Quit => self.quit(ctx),
+            Action::CloseWindow | Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
         }
     }
 }
