@@ -89,11 +89,7 @@ impl Lamplight {
         self.take();
         let Some(view) = &self.view else { return rig.clone() };
         let shining = rig.shining_lamps();
-        let is_new = match &self.ordered {
-            Some(ordered) => ordered.shining != shining,
-            None => !shining.is_empty(),
-        };
-        if is_new {
+        if self.is_new(&shining) {
             self.n_orders += 1;
             let shows_arriving = shown == Some(Quantity::Illuminance);
             let (view, lamps, serial) = (view.clone(), shining.clone(), self.n_orders);
@@ -107,6 +103,14 @@ impl Lamplight {
             self.answered = rig.clone();
         }
         self.answered.clone()
+    }
+
+    /// Whether lamps are to be ordered: others than those that were, or none where the light of some is still there.
+    fn is_new(&self, shining: &[FreeLamp]) -> bool {
+        match &self.ordered {
+            Some(ordered) => ordered.shining != shining,
+            None => !shining.is_empty() || self.light.is_some(),
+        }
     }
 
     /// Another view: what is known of the old one no longer counts, unless only patches came or went.
@@ -198,13 +202,16 @@ mod tests {
     use super::*;
     use crate::session::lamps::StillLamps;
 
-    #[test]
-    fn light_that_lacks_lamps_is_shown_where_it_puts_none_of_them_out() {
+    /// A small view of the room.
+    fn view() -> LampView {
         let scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
         let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
         let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 8, height: 6 });
-        let view = Arc::new(LampView { scene, camera, film, patches: None, measures: false, device: None });
-        let lamp = |key: &str, replaces: Option<&str>| FreeLamp {
+        LampView { scene, camera, film, patches: None, measures: false, device: None }
+    }
+
+    fn lamp(key: &str, replaces: Option<&str>) -> FreeLamp {
+        FreeLamp {
             key: key.into(),
             shape: LampShape::Point,
             position: Vec3::new(0.0, 0.2, -0.3),
@@ -214,8 +221,27 @@ mod tests {
             setting: LightSetting::default(),
             turn_rad: 0.0,
             replaces: replaces.map(str::to_owned),
-        };
-        let shown = StillLamps::new(view).light(&[lamp("a", None)], &|| false).unwrap();
+        }
+    }
+
+    #[test]
+    fn the_light_of_a_lamp_that_went_goes_though_the_view_changed_meanwhile() {
+        let mut lamplight = Lamplight::new(Arc::new(|_| ())).unwrap();
+        let view = view();
+        lamplight.view = Some(Arc::new(view.clone()));
+        lamplight.light = StillLamps::new(Arc::new(view.clone())).light(&[lamp("a", None)], &|| false);
+        // It was deleted, and before the worker answers another device or other patches make another view of it.
+        lamplight.ordered = Some(Ordered { rig: LightRig::default(), shining: Vec::new() });
+        lamplight.look_elsewhere(Some(Arc::new(view)));
+        assert!(lamplight.light.is_some(), "what is seen stays until the answer comes");
+        assert!(lamplight.is_new(&[]), "which is asked for");
+        lamplight.light = None;
+        assert!(!lamplight.is_new(&[]), "and once is enough");
+    }
+
+    #[test]
+    fn light_that_lacks_lamps_is_shown_where_it_puts_none_of_them_out() {
+        let shown = StillLamps::new(Arc::new(view())).light(&[lamp("a", None)], &|| false).unwrap();
         let without = |left_out: Vec<FreeLamp>| LampLight { left_out, ..shown.clone() };
         let (on, mut off) = (LightRig::default(), LightRig::default());
         off.lights.insert("lamp".into(), LightSetting { muted: true, ..LightSetting::default() });
