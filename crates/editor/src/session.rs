@@ -516,6 +516,25 @@ mod tests {
     }
 
     #[test]
+    fn the_scene_of_a_bake_that_went_is_none_of_what_is_open() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        let (find, found) = std::sync::mpsc::channel::<()>();
+        let finding = session.spawn("scene", move |post| {
+            let _ = found.recv();
+            let _ = post.send(Fact::SceneFound(Err("it is not there".into())), Duration::ZERO);
+        });
+        session.finding = finding.as_ref().map(Task::id);
+        session.others.extend(finding);
+        let bytes = include_bytes!("../tests/room.gltf").to_vec();
+        session.open(Source::Bytes { name: "room.gltf".into(), bytes });
+        wait(&mut session, |session| session.stage == Stage::Ready);
+        find.send(()).unwrap();
+        wait(&mut session, |session| session.others.is_empty());
+        let opened = session.opened.as_ref().unwrap();
+        assert!(opened.scene.is_some() && !opened.is_bake());
+    }
+
+    #[test]
     fn a_first_picture_is_whole_once_every_block_is_there() {
         let mut session = Session::new(Arc::new(|_| {}));
         assert!(!session.is_whole(), "nothing is shown");
