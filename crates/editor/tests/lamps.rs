@@ -248,6 +248,29 @@ fn an_arrow_drags_along_its_axis_and_esc_puts_back() {
 }
 
 #[test]
+fn a_lamp_that_is_dragged_stays_where_it_is_once_the_camera_is_in_hand() {
+    let mut window = with_lamp("Point");
+    let from = middle(&window, "Move Point lamp 1 along Y");
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    window.run_steps(2);
+    window.hover_at(from + vec2(0.0, -20.0));
+    window.run_steps(2);
+    let dragged = lamps(&window)[0].position;
+    window.key_press(Key::C);
+    window.run_steps(3);
+    window.hover_at(from + vec2(0.0, -120.0));
+    window.run_steps(2);
+    window.drop_at(from + vec2(0.0, -120.0));
+    window.run_steps(3);
+    window.key_press(Key::C);
+    window.run_steps(3);
+    assert!(window.query_by_label("Picture").is_some(), "the camera is put down");
+    assert_eq!(lamps(&window)[0].position, dragged);
+}
+
+#[test]
 fn a_lamp_is_dragged_over_surfaces_and_chosen_by_a_click() {
     let mut window = with_lamp("Point");
     let wall = Vec3::new(-1.0, -0.2, -0.8);
