@@ -105,6 +105,7 @@ impl ViewState {
     /// Lets go of what the pointer holds: it stays where it is.
     pub fn let_go(&mut self) {
         self.grab = None;
+        self.marking.let_go();
     }
 }
 

@@ -22,8 +22,8 @@ use glam::Vec3;
 use serde_json::json;
 
 use desk::{
-    Dropped, Kept, Window, baked, click, click_at, drag, on_screen, quick, reach, replace_and_reload, room, save_as,
-    type_over, wait, wait_until,
+    Dropped, Kept, Window, baked, click, click_at, drag, on_screen, pull, quick, reach, replace_and_reload, room,
+    save_as, type_over, wait, wait_until,
 };
 
 /// The room, baked with the light that arrives.
@@ -81,6 +81,24 @@ fn a_marked_rectangle_is_measured_in_lux_and_follows_the_lights() {
     });
     click(&mut window, "Clear");
     wait(&mut window, |app| app.marked_lux().is_none());
+}
+
+#[test]
+fn a_rectangle_that_the_camera_takes_out_of_hand_marks_nothing() {
+    let mut window = measured();
+    click(&mut window, "Measure");
+    window.get_all_by_label("Rectangle").next().unwrap().click();
+    window.run_steps(3);
+    let (from, to) = (place(&window, 0.3, 0.6), place(&window, 0.7, 0.9));
+    pull(&mut window, from, to);
+    window.key_press(Key::C);
+    window.run_steps(3);
+    window.drop_at(to);
+    window.run_steps(3);
+    window.key_press(Key::C);
+    window.run_steps(3);
+    assert!(window.query_by_label("Picture").is_some(), "the camera is put down");
+    assert!(window.state().look().marks.is_none());
 }
 
 #[test]
