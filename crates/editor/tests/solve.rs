@@ -9,12 +9,14 @@ use clerestory::look::Look;
 use clerestory::look::scene::PlaneChoice;
 use clerestory::look::wishes::{Wanted, Where};
 use clerestory::marks::Marks;
+use clerestory::session::lamps::{LampLight, LampView, StillLamps};
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory::solve::Solution;
 use clerestory_relight::Tone;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use clerestory_transport::light::{LightRig, luminance};
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+use clerestory_transport::light::{LightRig, LightSetting, luminance};
 use eframe::egui::{Key, Modifiers, PointerButton, Pos2, Rect, Role, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -117,6 +119,32 @@ fn the_lights_of_a_place_tell_their_lux_and_together_they_are_those_there() {
     let rows = window.query_all_by_label_contains("lamp ").filter_map(|row| row.accesskit_node().label());
     let rows: Vec<String> = rows.filter(|words| words.contains(" % ")).collect();
     assert!(rows.len() == 1 && rows[0].ends_with(" lx"), "{rows:?}");
+}
+
+#[test]
+fn no_lux_is_told_of_a_place_while_the_light_of_lamps_is_not_there_yet() {
+    let window = measured();
+    let session = window.state().session();
+    let (shown, scene) = (session.shown.as_ref().unwrap(), session.lamp_scene().unwrap().clone());
+    let (camera, film) = (scene.scene.cameras[0].clone(), shown.film());
+    let view = LampView { scene, camera, film, patches: None, measures: true, device: None };
+    let position = Vec3::new(0.0, 0.2, -0.3);
+    let lamp = FreeLamp {
+        key: "a".into(),
+        shape: LampShape::Point,
+        position,
+        aim: position - Vec3::Y,
+        turn_rad: 0.0,
+        strength: 100.0,
+        unit: LampUnit::Lumen,
+        setting: LightSetting::default(),
+        replaces: None,
+    };
+    let light = StillLamps::new(std::sync::Arc::new(view)).light(std::slice::from_ref(&lamp), &|| false).unwrap();
+    let (rig, pixel) = (LightRig::default(), [64 * 38 + 32]);
+    assert!(shown.irradiance_at(&rig, Some(&light), &pixel).is_some());
+    let partial = LampLight { left_out: vec![lamp], ..light };
+    assert!(shown.irradiance_at(&rig, Some(&partial), &pixel).is_none());
 }
 
 #[test]
