@@ -356,7 +356,7 @@ impl App {
             Action::ResumeBake => self.session.resume_bake(&self.settings, self.camera.camera.as_ref()),
             Action::CancelOpening => self.cancel_opening(),
             Action::TakeOpened => self.take_opened(ctx),
-            Action::LimitMemory(limit) => self.session.memory_limit = limit,
+            Action::LimitMemory(limit) => self.session.limit_memory(limit),
             Action::CancelBake => {
                 self.session.cancel_bake();
                 self.adopt_view();
