@@ -113,10 +113,16 @@ impl Lamplight {
         }
     }
 
-    /// Another view: what is known of the old one no longer counts, unless only patches came or went.
+    /// Another view: what is known of the old one no longer counts, unless only patches came or went. Then the direct light stays; what
+    /// came to patches that are others now would light the wrong surfaces.
     fn look_elsewhere(&mut self, view: Option<Arc<LampView>>) {
-        if !view.as_ref().zip(self.view.as_ref()).is_some_and(|(new, old)| is_seen_alike(new, old)) {
-            (self.light, self.oldest) = (None, self.n_orders + 1);
+        match view.as_ref().zip(self.view.as_ref()).filter(|(new, old)| is_seen_alike(new, old)) {
+            Some((new, old)) if new.patches == old.patches => {}
+            Some(_) => {
+                self.oldest = self.n_orders + 1;
+                self.light.iter_mut().for_each(LampLight::forget_patches);
+            }
+            None => (self.light, self.oldest) = (None, self.n_orders + 1),
         }
         if let (Some(view), Some(_)) = (&view, self.ordered.take()) {
             // An order without lamps frees what the worker knows of the old view.
@@ -196,8 +202,10 @@ mod tests {
     use clerestory_transport::import;
     use clerestory_transport::lamps::{LampShape, LampUnit};
     use clerestory_transport::light::LightSetting;
+    use clerestory_transport::patches::Patches;
     use clerestory_transport::prepared::PreparedScene;
     use glam::Vec3;
+    use serde_json::json;
 
     use super::*;
     use crate::session::lamps::StillLamps;
@@ -237,6 +245,25 @@ mod tests {
         assert!(lamplight.is_new(&[]), "which is asked for");
         lamplight.light = None;
         assert!(!lamplight.is_new(&[]), "and once is enough");
+    }
+
+    #[test]
+    fn light_on_patches_does_not_light_others() {
+        let patches = |n_columns: u32| -> Patches {
+            let header = json!({ "n_patches": 1, "n_samples": 0, "n_columns": n_columns, "held_out_error": 0.0 });
+            serde_json::from_value(header).unwrap()
+        };
+        let mut lamplight = Lamplight::new(Arc::new(|_| ())).unwrap();
+        let first = Arc::new(LampView { patches: Some(patches(1)), ..view() });
+        let shown = StillLamps::new(Arc::new(view())).light(&[lamp("a", None)], &|| false).unwrap();
+        lamplight.light = Some(LampLight { of_patches: Arc::new(vec![[1.0; 3]]), ..shown });
+        lamplight.view = Some(first.clone());
+        let n_lit = |lamplight: &Lamplight| lamplight.light.as_ref().map(|light| light.of_patches.len());
+        lamplight.look_elsewhere(Some(Arc::new((*first).clone())));
+        assert_eq!(n_lit(&lamplight), Some(1), "they are the same");
+        let other = LampView { patches: Some(patches(2)), ..(*first).clone() };
+        lamplight.look_elsewhere(Some(Arc::new(other)));
+        assert_eq!(n_lit(&lamplight), Some(0), "what is seen straight stays");
     }
 
     #[test]
