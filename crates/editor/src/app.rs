@@ -356,7 +356,7 @@ impl App {
             Action::ResumeBake => self.session.resume_bake(&self.settings, self.camera.camera.as_ref()),
             Action::CancelOpening => self.cancel_opening(),
             Action::TakeOpened => self.take_opened(ctx),
-            Action::LimitMemory(limit) => self.session.memory_limit = limit,
+            Action::LimitMemory(limit) => self.session.limit_memory(limit),
             Action::CancelBake => {
                 self.session.cancel_bake();
                 self.adopt_view();
@@ -410,8 +410,7 @@ impl App {
             Action::TogglePanel(side) => self.toggle_panel(ctx, side),
             Action::ToggleShortcuts => self.toggle_shortcuts(ctx),
             Action::ToggleFullScreen => toggle_full_screen(ctx),
-            Action::CloseWindow => ctx.send_viewport_cmd(ViewportCommand::Close),
-            Action::Quit => self.quit(ctx),
+            Action::CloseWindow | Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
         }
     }
 }

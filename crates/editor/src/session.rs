@@ -521,6 +521,47 @@ mod tests {
     }
 
     #[test]
+    fn the_scene_of_a_bake_that_went_is_none_of_what_is_open() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        let (find, found) = std::sync::mpsc::channel::<()>();
+        let finding = session.spawn("scene", move |post| {
+            let _ = found.recv();
+            let _ = post.send(Fact::SceneFound(Err("it is not there".into())), Duration::ZERO);
+        });
+        session.finding = finding.as_ref().map(Task::id);
+        session.others.extend(finding);
+        let bytes = include_bytes!("../tests/room.gltf").to_vec();
+        session.open(Source::Bytes { name: "room.gltf".into(), bytes });
+        wait(&mut session, |session| session.stage == Stage::Ready);
+        find.send(()).unwrap();
+        wait(&mut session, |session| session.others.is_empty());
+        let opened = session.opened.as_ref().unwrap();
+        assert!(opened.scene.is_some() && !opened.is_bake());
+    }
+
+    #[test]
+    fn what_was_made_of_blocks_is_old_once_another_view_is_shown() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        let bytes = include_bytes!("../tests/room.gltf").to_vec();
+        session.open(Source::Bytes { name: "room.gltf".into(), bytes });
+        wait(&mut session, |session| session.stage == Stage::Ready);
+        let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
+        let film = Film { width: 16, height: 12 };
+        let settings = BakeSettings { camera_idx: 0, film, config, illuminance: false, work_plane: None };
+        let mut camera = session.cameras()[0].clone();
+        for _ in 0..2 {
+            camera.yfov_rad *= 0.9;
+            session.start_bake(&settings, Some(camera.clone()), Passes::Progressive);
+            wait(&mut session, |session| session.bake == BakeState::Done);
+        }
+        let views = session.views();
+        let other = views.iter().find(|view| !view.is_shown).expect("the first view is kept").id;
+        let before = session.n_counts();
+        session.show_view(other);
+        assert!(session.n_counts() > before, "the map of errors is that of the other view");
+    }
+
+    #[test]
     fn a_first_picture_is_whole_once_every_block_is_there() {
         let mut session = Session::new(Arc::new(|_| {}));
         assert!(!session.is_whole(), "nothing is shown");

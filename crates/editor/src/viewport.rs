@@ -101,6 +101,14 @@ pub struct ViewState {
     pub seen: Option<[[f32; 2]; 2]>,
 }
 
+impl ViewState {
+    /// Lets go of what the pointer holds: it stays where it is.
+    pub fn let_go(&mut self) {
+        self.grab = None;
+        self.marking.let_go();
+    }
+}
+
 /// Draws picture and handles, or says in words what is going on.
 pub fn viewport_ui(
     ui: &mut Ui,

@@ -248,6 +248,29 @@ fn an_arrow_drags_along_its_axis_and_esc_puts_back() {
 }
 
 #[test]
+fn a_lamp_that_is_dragged_stays_where_it_is_once_the_camera_is_in_hand() {
+    let mut window = with_lamp("Point");
+    let from = middle(&window, "Move Point lamp 1 along Y");
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    window.run_steps(2);
+    window.hover_at(from + vec2(0.0, -20.0));
+    window.run_steps(2);
+    let dragged = lamps(&window)[0].position;
+    window.key_press(Key::C);
+    window.run_steps(3);
+    window.hover_at(from + vec2(0.0, -120.0));
+    window.run_steps(2);
+    window.drop_at(from + vec2(0.0, -120.0));
+    window.run_steps(3);
+    window.key_press(Key::C);
+    window.run_steps(3);
+    assert!(window.query_by_label("Picture").is_some(), "the camera is put down");
+    assert_eq!(lamps(&window)[0].position, dragged);
+}
+
+#[test]
 fn a_lamp_is_dragged_over_surfaces_and_chosen_by_a_click() {
     let mut window = with_lamp("Point");
     let wall = Vec3::new(-1.0, -0.2, -0.8);
@@ -1136,30 +1159,33 @@ fn a_lamp_with_a_remark_is_not_called_dark_and_one_without_light_is() {
     let (ies, look) = (folder.path().join("tilted.ies"), folder.path().join("a.look"));
     let tilts = "IESNA:LM-63-2002\nTILT=INCLUDE\n1\n2\n0 90\n1 0.8\n";
     std::fs::write(&ies, format!("{tilts}1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 100 100\n")).unwrap();
-    let with = |lamp: Value| {
-        let document = json!({ "clerestory": 1, "lamps": [lamp] });
+    let with = |lamps: &[Value]| {
+        let (document, n_lamps) = (json!({ "clerestory": 1, "lamps": lamps }), lamps.len());
         std::fs::write(&look, document.to_string()).unwrap();
         let mut window = baked();
         window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(look.clone())));
-        wait(&mut window, |app| app.look().lights.lamps.len() == 1 && app.is_settled());
+        wait(&mut window, |app| app.look().lights.lamps.len() == n_lamps && app.is_settled());
         window
     };
     let is_noted = |window: &Window, label: &str| window.query_by_label(label).is_some();
 
     let tilted = json!({ "key": "tilted", "type": "ies", "position": [0.0, 0.9, 0.0], "aim": [0.0, -1.0, 0.0],
         "strength": 3000, "unit": "cd", "file": "tilted.ies" });
-    let mut window = with(tilted);
+    let mut window = with(&[tilted]);
     wait_until(&mut window, |window| is_noted(window, "Lamps: 1 remark"));
-    assert!(!is_noted(&window, "Lamps: one is dark"), "it shines");
+    assert!(!is_noted(&window, "Lamps: not all shine"), "it shines");
     assert!(is_noted(&window, "Lamps: direct light only"), "and what its light lacks is told as well");
     click(&mut window, "Lamps: 1 remark");
     assert!(says(&window, "it shines as it was measured"));
 
-    let flat = json!({ "key": "flat", "type": "rectangle", "position": [0.0, 0.9, 0.0], "aim": [0.0, -1.0, 0.0],
-        "strength": 3000, "unit": "nit", "size_m": [1.0, 0.0] });
-    let mut window = with(flat);
-    wait_until(&mut window, |window| is_noted(window, "Lamps: one is dark"));
+    let flat = |key: &str| {
+        json!({ "key": key, "type": "rectangle", "position": [0.0, 0.9, 0.0], "aim": [0.0, -1.0, 0.0],
+            "strength": 3000, "unit": "nit", "size_m": [1.0, 0.0] })
+    };
+    let mut window = with(&[flat("flat"), flat("thin")]);
+    wait_until(&mut window, |window| is_noted(window, "Lamps: not all shine"));
     assert!(!is_noted(&window, "Lamps: 1 remark"));
+    assert!(hints(&mut window, "Lamps: not all shine", "`thin`"), "why is told of each");
 }
 
 /// Clicks the names of two lamps in the list, the second with Ctrl.

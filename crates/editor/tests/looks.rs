@@ -724,6 +724,26 @@ fn esc_puts_back_a_key_of_the_timeline_or_a_look_that_is_dragged() {
 }
 
 #[test]
+fn a_drag_is_over_where_its_button_comes_up_while_the_panels_are_hidden() {
+    let mut window = two_keys();
+    let key = window.query_all_by_label_contains("Key 2: Look 2 at").next().unwrap().rect().center();
+    let [second, first] = ["Look Look 2", "Look Look"].map(|card| area_of(&window, card));
+    for (from, to) in [(key, key - vec2(200.0, 0.0)), (second.center(), first.left_center())] {
+        pull(&mut window, from, to);
+        let look = window.state().look().clone();
+        window.key_press(Key::H);
+        window.run_steps(3);
+        window.drop_at(to);
+        window.run_steps(3);
+        for key in [Key::H, Key::Escape] {
+            window.key_press(key);
+            window.run_steps(3);
+        }
+        assert_eq!(*window.state().look(), look);
+    }
+}
+
+#[test]
 fn a_double_click_shows_the_whole_picture_where_no_light_can_be_dragged() {
     let mut window = two_keys();
     wait(&mut window, |app| app.is_settled());

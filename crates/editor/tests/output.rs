@@ -505,6 +505,23 @@ fn the_command_line_bakes_the_sky_in_the_patches_of_a_look() {
 }
 
 #[test]
+fn a_scene_is_written_with_its_lamps_as_its_look_counts_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let [scene, look, out] = [at("room.gltf"), at("a.look"), at("lit.gltf")];
+    std::fs::write(&scene, room()).unwrap();
+    let written = |document: &serde_json::Value, more: &[&str]| {
+        std::fs::write(&look, document.to_string()).unwrap();
+        answer(&[&["export-gltf", &scene, "--look", &look, "-o", &out], more].concat());
+        std::fs::read_to_string(&out).unwrap()
+    };
+    let plain = json!({ "clerestory": 1 });
+    let typed = written(&plain, &["--unitless"]);
+    assert_eq!(written(&json!({ "clerestory": 1, "scene": { "units": "unitless" } }), &[]), typed);
+    assert!(written(&plain, &[]) != typed);
+}
+
+#[test]
 fn a_lamp_that_is_off_is_written_dark_and_comes_back_muted() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();

@@ -9,12 +9,14 @@ use clerestory::look::Look;
 use clerestory::look::scene::PlaneChoice;
 use clerestory::look::wishes::{Wanted, Where};
 use clerestory::marks::Marks;
+use clerestory::session::lamps::{LampLight, LampView, StillLamps};
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory::solve::Solution;
 use clerestory_relight::Tone;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use clerestory_transport::light::{LightRig, luminance};
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+use clerestory_transport::light::{LightRig, LightSetting, luminance};
 use eframe::egui::{Key, Modifiers, PointerButton, Pos2, Rect, Role, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -22,8 +24,8 @@ use glam::Vec3;
 use serde_json::json;
 
 use desk::{
-    Dropped, Kept, Window, baked, click, click_at, drag, on_screen, quick, reach, replace_and_reload, room, save_as,
-    type_over, wait, wait_until,
+    Dropped, Kept, Window, baked, click, click_at, drag, on_screen, pull, quick, reach, replace_and_reload, room,
+    save_as, type_over, wait, wait_until,
 };
 
 /// The room, baked with the light that arrives.
@@ -84,6 +86,24 @@ fn a_marked_rectangle_is_measured_in_lux_and_follows_the_lights() {
 }
 
 #[test]
+fn a_rectangle_that_the_camera_takes_out_of_hand_marks_nothing() {
+    let mut window = measured();
+    click(&mut window, "Measure");
+    window.get_all_by_label("Rectangle").next().unwrap().click();
+    window.run_steps(3);
+    let (from, to) = (place(&window, 0.3, 0.6), place(&window, 0.7, 0.9));
+    pull(&mut window, from, to);
+    window.key_press(Key::C);
+    window.run_steps(3);
+    window.drop_at(to);
+    window.run_steps(3);
+    window.key_press(Key::C);
+    window.run_steps(3);
+    assert!(window.query_by_label("Picture").is_some(), "the camera is put down");
+    assert!(window.state().look().marks.is_none());
+}
+
+#[test]
 fn the_lights_of_a_place_tell_their_lux_and_together_they_are_those_there() {
     let mut window = measured();
     let (rig, pixel) = (LightRig::default(), [64 * 38 + 32]);
@@ -99,6 +119,32 @@ fn the_lights_of_a_place_tell_their_lux_and_together_they_are_those_there() {
     let rows = window.query_all_by_label_contains("lamp ").filter_map(|row| row.accesskit_node().label());
     let rows: Vec<String> = rows.filter(|words| words.contains(" % ")).collect();
     assert!(rows.len() == 1 && rows[0].ends_with(" lx"), "{rows:?}");
+}
+
+#[test]
+fn no_lux_is_told_of_a_place_while_the_light_of_lamps_is_not_there_yet() {
+    let window = measured();
+    let session = window.state().session();
+    let (shown, scene) = (session.shown.as_ref().unwrap(), session.lamp_scene().unwrap().clone());
+    let (camera, film) = (scene.scene.cameras[0].clone(), shown.film());
+    let view = LampView { scene, camera, film, patches: None, measures: true, device: None };
+    let position = Vec3::new(0.0, 0.2, -0.3);
+    let lamp = FreeLamp {
+        key: "a".into(),
+        shape: LampShape::Point,
+        position,
+        aim: position - Vec3::Y,
+        turn_rad: 0.0,
+        strength: 100.0,
+        unit: LampUnit::Lumen,
+        setting: LightSetting::default(),
+        replaces: None,
+    };
+    let light = StillLamps::new(std::sync::Arc::new(view)).light(std::slice::from_ref(&lamp), &|| false).unwrap();
+    let (rig, pixel) = (LightRig::default(), [64 * 38 + 32]);
+    assert!(shown.irradiance_at(&rig, Some(&light), &pixel).is_some());
+    let partial = LampLight { left_out: vec![lamp], ..light };
+    assert!(shown.irradiance_at(&rig, Some(&partial), &pixel).is_none());
 }
 
 #[test]

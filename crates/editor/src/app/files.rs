@@ -151,17 +151,19 @@ impl App {
         if self.closes_later(ctx) || !ctx.input(|input| input.viewport().close_requested()) {
             return;
         }
+        let may_lose = std::mem::take(&mut self.may_lose_look);
         if self.asks_before_loss(&Action::Quit) {
+            // What was said of the look counts until somebody stays.
+            self.may_lose_look = may_lose;
             ctx.send_viewport_cmd(ViewportCommand::CancelClose);
-        } else if self.is_unsaved() {
+        } else if self.is_unsaved() && !may_lose {
             ctx.send_viewport_cmd(ViewportCommand::CancelClose);
             self.unsaved = Some(Action::Quit);
+        } else if self.is_unsaved() {
+            // What was given up is not offered at the next start.
+            self.saved_look = self.look.clone();
+            self.keep_unsaved(ctx);
         }
-    }
-
-    pub(super) fn quit(&mut self, ctx: &Context) {
-        self.saved_look = self.look.clone();
-        ctx.send_viewport_cmd(ViewportCommand::Close);
     }
 
     pub(super) fn set_title(&mut self, ctx: &Context) {

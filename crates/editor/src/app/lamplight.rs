@@ -89,11 +89,7 @@ impl Lamplight {
         self.take();
         let Some(view) = &self.view else { return rig.clone() };
         let shining = rig.shining_lamps();
-        let is_new = match &self.ordered {
-            Some(ordered) => ordered.shining != shining,
-            None => !shining.is_empty(),
-        };
-        if is_new {
+        if self.is_new(&shining) {
             self.n_orders += 1;
             let shows_arriving = shown == Some(Quantity::Illuminance);
             let (view, lamps, serial) = (view.clone(), shining.clone(), self.n_orders);
@@ -109,10 +105,24 @@ impl Lamplight {
         self.answered.clone()
     }
 
-    /// Another view: what is known of the old one no longer counts, unless only patches came or went.
+    /// Whether lamps are to be ordered: others than those that were, or none where the light of some is still there.
+    fn is_new(&self, shining: &[FreeLamp]) -> bool {
+        match &self.ordered {
+            Some(ordered) => ordered.shining != shining,
+            None => !shining.is_empty() || self.light.is_some(),
+        }
+    }
+
+    /// Another view: what is known of the old one no longer counts, unless only patches came or went. Then the direct light stays; what
+    /// came to patches that are others now would light the wrong surfaces.
     fn look_elsewhere(&mut self, view: Option<Arc<LampView>>) {
-        if !view.as_ref().zip(self.view.as_ref()).is_some_and(|(new, old)| is_seen_alike(new, old)) {
-            (self.light, self.oldest) = (None, self.n_orders + 1);
+        match view.as_ref().zip(self.view.as_ref()).filter(|(new, old)| is_seen_alike(new, old)) {
+            Some((new, old)) if new.patches == old.patches => {}
+            Some(_) => {
+                self.oldest = self.n_orders + 1;
+                self.light.iter_mut().for_each(LampLight::forget_patches);
+            }
+            None => (self.light, self.oldest) = (None, self.n_orders + 1),
         }
         if let (Some(view), Some(_)) = (&view, self.ordered.take()) {
             // An order without lamps frees what the worker knows of the old view.
@@ -192,19 +202,24 @@ mod tests {
     use clerestory_transport::import;
     use clerestory_transport::lamps::{LampShape, LampUnit};
     use clerestory_transport::light::LightSetting;
+    use clerestory_transport::patches::Patches;
     use clerestory_transport::prepared::PreparedScene;
     use glam::Vec3;
+    use serde_json::json;
 
     use super::*;
     use crate::session::lamps::StillLamps;
 
-    #[test]
-    fn light_that_lacks_lamps_is_shown_where_it_puts_none_of_them_out() {
+    /// A small view of the room.
+    fn view() -> LampView {
         let scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
         let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
         let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 8, height: 6 });
-        let view = Arc::new(LampView { scene, camera, film, patches: None, measures: false, device: None });
-        let lamp = |key: &str, replaces: Option<&str>| FreeLamp {
+        LampView { scene, camera, film, patches: None, measures: false, device: None }
+    }
+
+    fn lamp(key: &str, replaces: Option<&str>) -> FreeLamp {
+        FreeLamp {
             key: key.into(),
             shape: LampShape::Point,
             position: Vec3::new(0.0, 0.2, -0.3),
@@ -214,8 +229,46 @@ mod tests {
             setting: LightSetting::default(),
             turn_rad: 0.0,
             replaces: replaces.map(str::to_owned),
+        }
+    }
+
+    #[test]
+    fn the_light_of_a_lamp_that_went_goes_though_the_view_changed_meanwhile() {
+        let mut lamplight = Lamplight::new(Arc::new(|_| ())).unwrap();
+        let view = view();
+        lamplight.view = Some(Arc::new(view.clone()));
+        lamplight.light = StillLamps::new(Arc::new(view.clone())).light(&[lamp("a", None)], &|| false);
+        // It was deleted, and before the worker answers another device or other patches make another view of it.
+        lamplight.ordered = Some(Ordered { rig: LightRig::default(), shining: Vec::new() });
+        lamplight.look_elsewhere(Some(Arc::new(view)));
+        assert!(lamplight.light.is_some(), "what is seen stays until the answer comes");
+        assert!(lamplight.is_new(&[]), "which is asked for");
+        lamplight.light = None;
+        assert!(!lamplight.is_new(&[]), "and once is enough");
+    }
+
+    #[test]
+    fn light_on_patches_does_not_light_others() {
+        let patches = |n_columns: u32| -> Patches {
+            let header = json!({ "n_patches": 1, "n_samples": 0, "n_columns": n_columns, "held_out_error": 0.0 });
+            serde_json::from_value(header).unwrap()
         };
-        let shown = StillLamps::new(view).light(&[lamp("a", None)], &|| false).unwrap();
+        let mut lamplight = Lamplight::new(Arc::new(|_| ())).unwrap();
+        let first = Arc::new(LampView { patches: Some(patches(1)), ..view() });
+        let shown = StillLamps::new(Arc::new(view())).light(&[lamp("a", None)], &|| false).unwrap();
+        lamplight.light = Some(LampLight { of_patches: Arc::new(vec![[1.0; 3]]), ..shown });
+        lamplight.view = Some(first.clone());
+        let n_lit = |lamplight: &Lamplight| lamplight.light.as_ref().map(|light| light.of_patches.len());
+        lamplight.look_elsewhere(Some(Arc::new((*first).clone())));
+        assert_eq!(n_lit(&lamplight), Some(1), "they are the same");
+        let other = LampView { patches: Some(patches(2)), ..(*first).clone() };
+        lamplight.look_elsewhere(Some(Arc::new(other)));
+        assert_eq!(n_lit(&lamplight), Some(0), "what is seen straight stays");
+    }
+
+    #[test]
+    fn light_that_lacks_lamps_is_shown_where_it_puts_none_of_them_out() {
+        let shown = StillLamps::new(Arc::new(view())).light(&[lamp("a", None)], &|| false).unwrap();
         let without = |left_out: Vec<FreeLamp>| LampLight { left_out, ..shown.clone() };
         let (on, mut off) = (LightRig::default(), LightRig::default());
         off.lights.insert("lamp".into(), LightSetting { muted: true, ..LightSetting::default() });

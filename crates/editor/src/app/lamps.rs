@@ -60,7 +60,7 @@ impl App {
         let note = match light {
             None => LampNote::Pending,
             Some(LampLight { problems, .. }) if !problems.is_empty() => {
-                LampNote::Problem(self.look.renamed(&problems[0]))
+                LampNote::Problem(problems.iter().map(|words| self.look.renamed(words)).collect())
             }
             Some(light) if !light.left_out.is_empty() => LampNote::Pending,
             Some(_) if shown.patches().is_none() => LampNote::DirectOnly,

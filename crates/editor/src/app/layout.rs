@@ -243,6 +243,9 @@ impl App {
         self.strips_ui(ui);
         self.picture_area = ui.available_rect_before_wrap();
         if self.camera.is_moving && self.session.lamp_scene().is_some() {
+            // A drag that went on in a picture that is not there would jump to where the pointer is when that comes back.
+            self.lights.lamps.let_go();
+            self.view.let_go();
             self.flight_ui(ui);
             let below = self.picture_area.with_min_y(self.picture_area.top() + CAMERA_BANNER);
             return solo_banner_ui(ui, below, &self.look, &mut self.lights.solo);
@@ -256,6 +259,9 @@ impl App {
         let picture = self.follower.picture().map(|(texture, size)| (left.unwrap_or(texture), size));
         let sides = self.looks.compare.as_ref().filter(|_| compared.is_some()).map(|compare| &compare.sides);
         let (lit, handled) = ((&self.follower, &self.prints), self.handled_side(compared.as_ref()));
+        if handled.is_none() {
+            self.lights.lamps.let_go();
+        }
         let now = self.follower.legend(self.units());
         // Looks that were kept have scales of their own.
         let legend_of = |idx: usize| match sides.map(|sides| &sides[idx]) {

@@ -90,7 +90,7 @@ impl App {
 
     /// What was waiting for an answer, or for a look to be saved, is not done.
     pub(super) fn stay(&mut self) {
-        (self.losing, self.after_saving) = (Losing::default(), None);
+        (self.losing, self.after_saving, self.may_lose_look) = (Losing::default(), None, false);
     }
 
     /// The question, if there is one.
@@ -122,5 +122,30 @@ impl App {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use egui_kittest::Harness;
+
+    use super::*;
+    use crate::app::Start;
+    use crate::session::Source;
+
+    #[test]
+    fn a_look_that_was_given_up_is_unsaved_still_where_somebody_stays_for_something_else() {
+        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
+        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
+        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let ctx = window.ctx.clone();
+        let app = window.state_mut();
+        app.look.display.exposure_ev = Some(3.0);
+        // Its question was answered, and before the window closes another loss is asked about.
+        app.may_lose_look = true;
+        app.apply(&ctx, Action::Quit);
+        assert!(app.is_unsaved());
+        app.stay();
+        assert!(app.is_unsaved() && !app.may_lose_look, "the next end asks for it again");
     }
 }

@@ -313,11 +313,12 @@ impl App {
             return;
         }
         let (bake, mut added) = (shown.bake(), light.map(LampLight::added_lux).unwrap_or_default());
+        let missing = light.and_then(LampLight::missing_words);
         let scene = self.session.lamp_scene().cloned();
         let started = self.solving.measuring.start("measure", &self.solving.wake, move || {
             let figures = || -> anyhow::Result<Figures> {
                 let (lamps, errors) = PreparedLamps::able(&of.rig.shining_lamps(), None);
-                let errors: Vec<String> = errors.iter().map(LampError::to_string).collect();
+                let errors: Vec<String> = errors.iter().map(LampError::to_string).chain(missing).collect();
                 let left_out = (!errors.is_empty()).then(|| format!("{}: these figures lack it", errors.join(", ")));
                 added.lamps = scene.filter(|_| !lamps.is_empty()).map(|scene| (scene, lamps));
                 let light = (&of.rig, &added);

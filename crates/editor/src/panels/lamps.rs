@@ -71,6 +71,12 @@ impl LampState {
     pub fn is_chosen(&self, key: &str) -> bool {
         self.chosen.as_deref() == Some(key)
     }
+
+    /// Lets go of what is dragged in the picture: it stays where it is.
+    pub fn let_go(&mut self) {
+        (self.drag, self.dragged_to, self.pulled_at, self.pulled) = (None, None, None, None);
+        self.carried.clear();
+    }
 }
 
 /// What can be done with lamps in what is open.

@@ -242,8 +242,12 @@ fn drop_ui(ui: &Ui, look: &mut Look, state: &mut LooksState, centers: &[f32]) {
         let (row, x) = (ui.min_rect(), first + (place as f32 - 0.5) * (second - first));
         ui.painter().vline(x.max(row.left() + 1.0), row.y_range(), Stroke::new(2.0, theme::ACCENT));
     }
-    if ui.input(|input| input.pointer.any_released() || !input.pointer.any_down()) {
+    let (came_up, is_down) = ui.input(|input| (input.pointer.any_released(), input.pointer.any_down()));
+    if came_up || !is_down {
         state.dragged = None;
+    }
+    // One whose button came up while the strip was hidden stays.
+    if came_up {
         look.reorder(from, to);
     }
 }

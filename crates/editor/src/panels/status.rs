@@ -71,8 +71,8 @@ pub enum LampNote {
         /// What each lamp lacks, in sentences.
         words: Vec<String>,
     },
-    /// A lamp does not shine: why.
-    Problem(String),
+    /// Lamps do not shine: why, in sentences.
+    Problem(Vec<String>),
 }
 
 /// Remarks that are listed; a thousand lamps can share a profile of which there is one.
@@ -185,7 +185,8 @@ fn lamps_ui(ui: &mut Ui, note: &LampNote, actions: &mut Vec<Action>) {
             menu.response.on_hover_text(lines.as_str());
         }
         LampNote::Problem(why) => {
-            ui.label(RichText::new("Lamps: one is dark").color(ui.visuals().error_fg_color)).on_hover_text(why);
+            let words = RichText::new("Lamps: not all shine").color(ui.visuals().error_fg_color);
+            ui.label(words).on_hover_text(remark_lines(why));
         }
     }
 }

@@ -328,6 +328,7 @@ impl Session {
     /// Another matrix is shown: what was made of the one before no longer counts.
     pub(super) fn is_another(&mut self) {
         self.n_whole += 1;
+        self.n_counts += 1;
         self.changed = Changed::All;
     }
 
@@ -345,7 +346,7 @@ impl Session {
         }
     }
 
-    /// How often the blocks that are there were counted; what is made of them is as new as that.
+    /// How often the blocks that are there were counted, or others took their place; what is made of them is as new as that.
     pub fn n_counts(&self) -> u64 {
         self.n_counts
     }

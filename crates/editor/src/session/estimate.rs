@@ -93,6 +93,14 @@ impl Session {
         }
     }
 
+    /// Lets the whole program take so much memory, bytes, or what the system has left. What did not fit may fit now.
+    pub fn limit_memory(&mut self, limit: Option<u64>) {
+        self.memory_limit = limit;
+        if matches!(self.forecasting.answer, Forecast::Failed(_)) {
+            self.forget_forecast();
+        }
+    }
+
     pub(super) fn forget_forecast(&mut self) {
         let old = std::mem::take(&mut self.forecasting);
         old.focus.leave();
@@ -155,6 +163,14 @@ fn estimate(
 mod tests {
     use super::super::Notice;
     use super::*;
+
+    #[test]
+    fn what_did_not_fit_is_foreseen_again_under_another_limit() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        session.forecasting.answer = Forecast::Failed("the bake would take more than may be taken".into());
+        session.limit_memory(Some(1 << 30));
+        assert_eq!((session.memory_limit, session.forecast()), (Some(1 << 30), &Forecast::None));
+    }
 
     #[test]
     fn an_estimate_that_panics_is_told_and_nobody_waits_for_it() {

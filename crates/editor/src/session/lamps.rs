@@ -125,6 +125,21 @@ impl LampLight {
         AddedLux { of_patches: self.of_patches.to_vec(), straight: self.arriving.clone(), lamps: None }
     }
 
+    /// Forgets what its lamps bring to patches: those that are shown from now on are others.
+    pub fn forget_patches(&mut self) {
+        self.of_patches = Arc::default();
+        self.parts.iter_mut().for_each(|part| part.of_patches = Arc::default());
+    }
+
+    /// What is said of figures that lack lamps whose light is not there yet.
+    pub fn missing_words(&self) -> Option<String> {
+        match self.left_out.len() {
+            0 => None,
+            1 => Some("the light of a lamp is not there yet".into()),
+            n => Some(format!("the light of {n} lamps is not there yet")),
+        }
+    }
+
     /// No light, and why.
     fn failed(film: Film, serial: u64, problem: String) -> LampLight {
         let direct = Arc::new(Radiance::new(film.width, film.height));

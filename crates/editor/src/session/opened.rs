@@ -165,6 +165,8 @@ impl Session {
         let source = self.opening_source.take();
         self.keep_earlier(source.as_ref());
         self.stop_baking();
+        // The scene of a bake that goes is none of what comes.
+        self.stop_finding();
         (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
         self.forget_views();
         self.stage = Stage::Ready;

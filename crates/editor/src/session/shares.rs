@@ -102,7 +102,7 @@ impl Shown {
         let terms = row.iter().flatten().zip(coefficients.iter().flatten());
         let baked: Vec3 = terms.map(|(row, x)| Vec3::from(*row) * Vec3::from(*x)).sum();
         let Some(light) = light else { return Some(baked) };
-        let straight = light.arriving.as_ref()?;
+        let straight = light.arriving.as_ref().filter(|_| light.left_out.is_empty())?;
         let lux = pixels.iter().filter_map(|pixel| straight.pixels.get(*pixel as usize)).map(|lux| Vec3::from(*lux));
         Some(baked + lux.sum::<Vec3>() / pixels.len() as f32)
     }

@@ -346,8 +346,7 @@ fn drag_on(ui: &Ui, sight: &Sight, lamps: &mut [FreeLamp], state: &mut LampState
     if is_down {
         ui.ctx().request_repaint();
     } else {
-        (state.drag, state.dragged_to) = (None, None);
-        state.carried.clear();
+        state.let_go();
     }
 }
 

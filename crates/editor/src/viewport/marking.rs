@@ -69,6 +69,11 @@ impl Marking {
         if self.radius_px > 0.0 { self.radius_px } else { (film.width as f32 / 40.0).max(1.0) }
     }
 
+    /// Lets go of what the pointer is about to mark.
+    pub fn let_go(&mut self) {
+        self.press = None;
+    }
+
     /// Takes new marks in.
     pub fn join(&mut self, new: Marks, join: Join) {
         let old = self.marks.take().filter(|marks| marks.film == new.film);

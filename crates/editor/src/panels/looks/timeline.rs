@@ -315,6 +315,10 @@ fn taken(keys: &[Key], ruler: &Ruler, press: Pos2, pointer: Pos2) -> Option<usiz
 
 /// A press on a key drags it, Esc puts it back; elsewhere the playhead comes to the pointer.
 fn drag_ui(ui: &Ui, response: &Response, ruler: &Ruler, look: &mut Look, player: &mut Player) {
+    // What ended while the ruler was hidden is not put back.
+    if !ui.input(|input| input.pointer.any_down() || input.pointer.any_released()) {
+        player.dragged = None;
+    }
     // The toolkit ends the drag by the same key.
     if ui.input(|input| input.key_pressed(egui::Key::Escape))
         && let Some(HeldKey { before: (idx, keys), .. }) = player.dragged.take()

@@ -122,6 +122,7 @@ fn lamps_that_are_there_are_shown_where_the_others_take_long() {
     let keys = |light: &LampLight| -> Vec<String> { light.parts.iter().map(|part| part.key.clone()).collect() };
     let missing: Vec<&str> = first.left_out.iter().map(|lamp| lamp.key.as_str()).collect();
     assert_eq!((keys(&first), missing, first.is_done), (vec!["a".to_owned()], vec!["b", "c"], false));
+    assert_eq!(first.missing_words().as_deref(), Some("the light of 2 lamps is not there yet"));
     let alone = first.direct.pixels.iter().zip(0..).all(|(found, pixel)| {
         let own = first.parts[0].direct(pixel);
         Vec3::from(*found).distance(own) <= 1e-4 * (1.0 + own.length())
@@ -132,7 +133,7 @@ fn lamps_that_are_there_are_shown_where_the_others_take_long() {
     assert!(bench.news().is_none());
     bench.step(&|_, _| false);
     let whole = bench.news().unwrap();
-    assert!(whole.left_out.is_empty(), "it is shown at once");
+    assert!(whole.left_out.is_empty() && whole.missing_words().is_none(), "it is shown at once");
     assert_eq!(keys(&whole), ["a", "b", "c"]);
 }
 
