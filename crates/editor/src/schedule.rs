@@ -282,15 +282,17 @@ mod tests {
         assert!((schedule.watt_per_m2().unwrap() - schedule.watt() / 4.0).abs() < 1e-9);
     }
 
+    /// The way that the first lamp of a scene shines.
+    fn direction(scene: &Scene) -> Option<Vec3> {
+        let (scene, _) = PreparedScene::new(scene.clone(), &[]).unwrap();
+        let schedule = Schedule::new(&scene.lighting.basis, Some(&scene), &Look::default(), None, None);
+        schedule.luminaires[0].direction
+    }
+
     #[test]
     fn a_directional_lamp_shines_the_same_way_with_a_size() {
         let room = include_str!("../tests/room.gltf").replace("\"point\"", "\"directional\"");
         let mut scene = import::load_bytes("room", room.as_bytes()).unwrap().scene;
-        let direction = |scene: &Scene| {
-            let (scene, _) = PreparedScene::new(scene.clone(), &[]).unwrap();
-            let look = Look::default();
-            Schedule::new(&scene.lighting.basis, Some(&scene), &look, None, None).luminaires[0].direction
-        };
         assert_eq!(direction(&scene), Some(Vec3::NEG_Z));
         assert_eq!(scene.set_sun_radius(0.01), 1);
         assert_eq!(direction(&scene), Some(Vec3::NEG_Z));
@@ -301,11 +303,6 @@ mod tests {
         let ies = b"IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
         let room = include_str!("../tests/room.gltf");
         let mut scene = import::load_bytes("room", room.as_bytes()).unwrap().scene;
-        let direction = |scene: &Scene| {
-            let (scene, _) = PreparedScene::new(scene.clone(), &[]).unwrap();
-            let look = Look::default();
-            Schedule::new(&scene.lighting.basis, Some(&scene), &look, None, None).luminaires[0].direction
-        };
         assert_eq!(direction(&scene), None);
         assign(&mut scene, "lamp", PhotometricProfile::parse(ies, "x.ies").unwrap(), 1.0).unwrap();
         assert_eq!(direction(&scene), Some(Vec3::NEG_Z));

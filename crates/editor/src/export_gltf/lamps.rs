@@ -75,11 +75,13 @@ fn lost(lamp: &FreeLamp) -> Option<String> {
         LampShape::Spot { outer_rad, .. } if outer_rad > FRAC_PI_2 + ROUNDED => {
             Some(format!("`{key}` has a cone of more than 90°, which glTF has no place for: its light ends there"))
         }
-        _ if lamp.shape.has_soft_shadows() => {
-            Some(format!("`{key}` has an angle, which glTF has no place for: its shadows are sharp there"))
-        }
-        _ => None,
+        _ => lamp.shape.has_soft_shadows().then(|| without_angle(key)),
     }
+}
+
+/// That a directional lamp loses its size.
+pub(super) fn without_angle(key: &str) -> String {
+    format!("`{key}` has an angle, which glTF has no place for: its shadows are sharp there")
 }
 
 /// What a lamp sends at most, channel by channel.

@@ -9,6 +9,7 @@ use clerestory_transport::scene::Scene;
 use glam::Vec3;
 
 use super::emission::{Emission, STRENGTH};
+use super::lamps;
 use super::muted::{self, Part};
 use super::raw::{Document, LAMPS, OWN, PROFILES, RawObject};
 use super::shared::{Shared, lamp_of};
@@ -45,7 +46,7 @@ pub(super) fn write(document: &mut Document, scene: &PreparedScene, rig: &LightR
                 let Some(lamp) = scene.lamp_called(&source.key) else { continue };
                 let node = file_node(scene, lamp.node);
                 write_lamp(document, &mut shared, node, None, now)?;
-                warnings.push(sized(source));
+                warnings.push(lamps::without_angle(&source.key));
                 (node, Part::Lamp(None))
             }
             Emitter::Surface(surface) => {
@@ -87,10 +88,6 @@ pub(super) fn file_node(scene: &Scene, node: u32) -> usize {
 
 fn left_out(source: &LightSource) -> String {
     format!("`{}` is no light of the file, so how it is set is not written", source.key)
-}
-
-fn sized(source: &LightSource) -> String {
-    format!("`{}` has an angle, which glTF has no place for: its shadows are sharp there", source.key)
 }
 
 fn beyond(n_spots: usize, source: &LightSource) -> String {

@@ -10,7 +10,7 @@ use super::stage::{Stage, lambert, pane, quad, room};
 use super::walks::assert_same_mean;
 use crate::archive::{self, Restart};
 use crate::bake::focus::Focus;
-use crate::bake::reuse::NothingKept;
+use crate::bake::reuse::{NothingKept, Reuse};
 use crate::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, HalfDone, Indirect, Passes};
 use crate::basis::LightSource;
 use crate::camera::{Camera, Film};
@@ -428,23 +428,29 @@ fn rows_of_irradiance_come_to_a_bake_to_which_a_lamp_was_added() {
     assert_eq!(std::fs::read(&path).expect("it was written"), bytes_of(&added));
 }
 
-#[test]
-fn blocks_of_a_bake_that_took_columns_over_serve_none_that_takes_over_nothing() {
-    let earlier = baked(job(lamps(|_| {})));
-    let again = || job(lamps(add_lamp));
-    let reuse = again().reuse(&earlier).expect("something is the same");
+/// What a bake of what is new told until it was stopped after so many blocks.
+fn half_done(job: BakeJob, reuse: &Reuse, n_blocks: usize) -> HalfDone {
     let (mut header, mut blocks) = (None, Vec::new());
-    let stopped = again().run_reusing(&reuse, &Focus::default(), None, |event| {
+    let stopped = job.run_reusing(reuse, &Focus::default(), None, |event| {
         match event {
             BakeEvent::Started { header: of_whole, .. } => header = Some(of_whole),
             BakeEvent::BlockDone { block_idx, factors, .. } => blocks.push((block_idx, factors)),
             _ => {}
         }
-        if blocks.is_empty() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        if blocks.len() == n_blocks { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
-    assert!(stopped.expect("the job is valid").is_none() && blocks.len() == 1);
+    assert!(stopped.expect("the job is valid").is_none());
+    HalfDone { header: header.expect("it began"), blocks }
+}
+
+#[test]
+fn blocks_of_a_bake_that_took_columns_over_serve_none_that_takes_over_nothing() {
+    let earlier = baked(job(lamps(|_| {})));
+    let again = || job(lamps(add_lamp));
+    let reuse = again().reuse(&earlier).expect("something is the same");
+    let begun = half_done(again(), &reuse, 1);
+    assert_eq!(begun.blocks.len(), 1);
     // The earlier bake is gone: the same lights, but in other groups.
-    let begun = HalfDone { header: header.expect("it began"), blocks };
     let whole = again().run_toward(&Focus::default(), Some(begun), |_| ControlFlow::Continue(()));
     let whole = whole.expect("the job is valid").expect("nobody stops it");
     assert_eq!(bytes_of(&whole), bytes_of(&baked(again())));
@@ -479,21 +485,10 @@ fn a_stopped_bake_of_what_is_new_goes_on_and_the_events_are_of_the_whole() {
     let earlier = baked(job(scene(|_| {})));
     let again = || job(scene(add_lamp));
     let reuse = again().reuse(&earlier).expect("something is the same");
-    let (mut header, mut blocks) = (None, Vec::new());
-    let stopped = again().run_reusing(&reuse, &Focus::default(), None, |event| {
-        match event {
-            BakeEvent::Started { header: of_whole, .. } => header = Some(of_whole),
-            BakeEvent::BlockDone { block_idx, factors, .. } => blocks.push((block_idx, factors)),
-            _ => {}
-        }
-        if blocks.len() == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
-    assert!(stopped.expect("the job is valid").is_none());
-    let header = header.expect("it began");
+    let begun = half_done(again(), &reuse, 3);
     let shape = |factors: &Vec<Arc<BlockFactors>>| factors.iter().map(|f| f.n_cols as usize).collect::<Vec<_>>();
-    let groups: Vec<usize> = header.basis.groups.iter().map(|group| group.columns.len()).collect();
-    assert!(blocks.iter().all(|(_, factors)| shape(factors) == groups));
-    let begun = HalfDone { header, blocks };
+    let groups: Vec<usize> = begun.header.basis.groups.iter().map(|group| group.columns.len()).collect();
+    assert!(begun.blocks.iter().all(|(_, factors)| shape(factors) == groups));
     let (mut n_traced, mut n_told) = (0, 0);
     let resumed = again().run_reusing(&reuse, &Focus::default(), Some(begun), |event| {
         n_told += usize::from(matches!(event, BakeEvent::BlockDone { .. }));

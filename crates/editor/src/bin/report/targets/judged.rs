@@ -164,14 +164,14 @@ impl Spectrum {
 mod tests {
     use super::*;
 
+    /// Two blocks side by side, by the place across.
+    fn picture(value: fn(usize) -> f32) -> Picture {
+        let values = (0..32 * 16 * 3).map(|i| value(i / 3 % 32)).collect();
+        Picture { width: 32, height: 16, n_cols: 1, values }
+    }
+
     #[test]
     fn a_step_at_a_border_is_a_seam() {
-        let picture = |value: fn(usize) -> f32| Picture {
-            width: 32,
-            height: 16,
-            n_cols: 1,
-            values: (0..32 * 16 * 3).map(|i| value(i / 3 % 32)).collect(),
-        };
         let seams_of = |errors: &Picture| seams([errors, errors]);
         assert!(seams_of(&picture(|x| (x / 16) as f32)) > 1e6);
         // One of 31 steps lies across, and all are alike; there are as many steps down, which are 0.
@@ -227,12 +227,6 @@ mod tests {
 
     #[test]
     fn a_block_that_is_farther_from_the_truth_than_its_samples_is_counted() {
-        let picture = |value: fn(usize) -> f32| Picture {
-            width: 32,
-            height: 16,
-            n_cols: 1,
-            values: (0..32 * 16 * 3).map(|i| value(i / 3 % 32)).collect(),
-        };
         let truth = picture(|_| 1.0);
         let judged = |value: fn(usize) -> f32| Judged::of_samples(&truth, picture(value));
         let (even, left) = (judged(|_| 1.5), judged(|x| if x < 16 { 1.75 } else { 1.25 }));

@@ -1,30 +1,11 @@
-use clerestory_transport::import;
-use clerestory_transport::lamps::{LampShape, LampUnit};
-use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::lamps::LampShape;
 
 use super::*;
+use crate::session::lamps::tests::{lamp, view};
 
 /// The closed room, and a lamp in it.
 fn lit_room() -> (Arc<LampView>, FreeLamp) {
-    let scene = import::load_bytes("room.gltf", include_bytes!("../../../../tests/room.gltf")).unwrap().scene;
-    let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
-    let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
-    let view = Arc::new(LampView { scene, camera, film, patches: None, measures: true, device: None });
-    let position = Vec3::new(0.0, 0.2, -0.3);
-    let (shape, setting) = (LampShape::Point, LightSetting::default());
-    let (strength, unit) = (100.0, LampUnit::Lumen);
-    let lamp = FreeLamp {
-        key: "a".into(),
-        shape,
-        position,
-        aim: position - Vec3::Y,
-        strength,
-        unit,
-        setting,
-        turn_rad: 0.0,
-        replaces: None,
-    };
-    (view, lamp)
+    (view(), FreeLamp { shape: LampShape::Point, ..lamp("a", 0.0) })
 }
 
 /// The same lamp at another place in the room.
