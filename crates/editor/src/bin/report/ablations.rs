@@ -85,12 +85,8 @@ fn single_lights_db(found: &Picture, references: &[Picture; 2]) -> Option<f64> {
             picture.values.iter().skip(column).step_by(picture.n_cols).map(|value| f64::from(*value)).collect()
         };
         let (x, [a, b]) = (entries(found), references.each_ref().map(entries));
-        let (mut sum, mut both) = (Sum::default(), Vec::new());
-        for ((x, a), b) in x.iter().zip(&a).zip(&b) {
-            sum.add((x - a) * (x - b));
-            both.push(0.5 * (a + b));
-        }
-        let peak = quantile(both);
+        let sum = Sum::of_pixels(x.len(), |at| (x[at] - a[at]) * (x[at] - b[at]));
+        let peak = quantile(a.iter().zip(&b).map(|(a, b)| 0.5 * (a + b)).collect());
         (peak > 0.0).then(|| sum.mean_at_least_known() / (peak * peak))
     };
     let squares: Vec<f64> = (0..found.n_cols).into_par_iter().filter_map(square).collect();
@@ -209,6 +205,18 @@ mod tests {
         assert!((told + 10.0 * 5.05e-3f64.log10()).abs() < 1e-4, "{told}");
         let dark = || Picture { values: vec![0.0; 2400], ..truth() };
         assert_eq!(single_lights_db(&truth(), &[dark(), dark()]), None);
+    }
+
+    #[test]
+    fn what_is_known_of_single_lights_is_counted_by_pixels() {
+        // The truth is 1, both references are off by a tenth in patterns of their own: 0.01 over the root of 400 pixels.
+        let off = |pixel: usize, bit: usize| if pixel >> bit & 1 == 0 { 1.1 } else { 0.9 };
+        let of = |value: &dyn Fn(usize) -> f32| {
+            let values = (0..400).flat_map(|pixel| [value(pixel); 6]).collect();
+            Picture { values, ..picture([0.0; 2]) }
+        };
+        let told = single_lights_db(&of(&|_| 1.0), &[of(&|pixel| off(pixel, 0)), of(&|pixel| off(pixel, 1))]);
+        assert!((told.expect("both are lit") - decibels(1.1, 0.01 / 20.0)).abs() < 1e-3, "{told:?}");
     }
 
     #[test]

@@ -81,7 +81,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          {} × {} pixels, six bounces, bakes whose indirect light is shared between pixels or traced and not denoised, as with `--no-denoise`; CPU\n\
          seconds (user and system) of the bake alone, without loading and without preview. The error of a column is the mean of\n\
          (x − a)(x − b) over its entries, x baked, a and b two independent references that are not compressed: so their noise does not count, but no\n\
-         error is told as less than its standard error: “≥” where that is so of more than half of the columns, or of the worst. It is told in dB below the square of the reference column's 99.5 percentile;\n\
+         error is told as less than its standard error over the pixels: “≥” where that is so of more than half of the columns, or of the worst. It is told in dB below the square of the reference column's 99.5 percentile;\n\
          nothing is clipped. Entries of a pixel that shows the column's own light, or beside one that does, are left out; the last\n\
          column has them too: there the light itself is seen, far brighter than the peak of what it lights, so that an edge of it in a pixel costs many dB, and less than none is an error greater than that peak. Where a tolerance is told, a block takes samples until its own error is below it; CPU seconds for a\n\
          number of dB lie between the medians of two rows of a kind, with fixed samples or to a tolerance, and what is aimed at is told of each kind by itself. \

@@ -154,12 +154,15 @@ impl Reference {
     pub fn errors_of(&self, rows: &[f32], columns: &[usize]) -> ColumnErrors {
         let column = |&column: &usize| {
             let (mut sums, peak) = ([Sum::default(); 2], self.peaks[column]);
-            for row in 0..self.n_rows() {
-                let (x, [a, b]) = (f64::from(rows[row * self.n_cols + column]), self.both(row, column));
-                let error = (x - a) * (x - b);
-                sums[1].add(error);
-                if !self.is_seen(row, column) {
-                    sums[0].add(error);
+            for first in (0..self.n_rows()).step_by(CHANNELS) {
+                let errors = [0, 1, 2].map(|channel| {
+                    let row = first + channel;
+                    let (x, [a, b]) = (f64::from(rows[row * self.n_cols + column]), self.both(row, column));
+                    (x - a) * (x - b)
+                });
+                sums[1].add_pixel(errors);
+                if !self.is_seen(first, column) {
+                    sums[0].add_pixel(errors);
                 }
             }
             let squares = sums.map(|sum| sum.mean_at_least_known() / (peak * peak));
@@ -189,8 +192,9 @@ impl Reference {
         let [a, b] = self.halves.each_ref().map(|half| self.relit(half, light));
         let lit: Vec<usize> = (0..self.n_cols).filter(|&column| light[column] != [0.0; 3]).collect();
         let is_left_out = |row: usize| lit.iter().any(|&column| self.is_seen(row, column));
-        let rows = (0..self.n_rows()).filter(|&row| !is_left_out(row));
-        told_beside_two(rows.map(|row| [picture[row], a[row], b[row]].map(f64::from)))
+        let firsts = (0..self.n_rows()).step_by(CHANNELS).filter(|&row| !is_left_out(row));
+        let entry = |row: usize| [picture[row], a[row], b[row]].map(f64::from);
+        told_beside_two(firsts.map(|first| [0, 1, 2].map(|channel| entry(first + channel))))
     }
 
     /// The same in dB alone.
@@ -490,7 +494,7 @@ mod tests {
     #[test]
     fn the_noise_of_the_reference_does_not_count() {
         // The truth is 2, each half is off by a half in a pattern of its own, and what is compared is off by a fifth everywhere.
-        let half = |bit: usize| (0..300).map(|row| if row >> bit & 1 == 0 { 1.5 } else { 2.5 }).collect();
+        let half = |bit: usize| (0..300).map(|row| if (row / 3) >> bit & 1 == 0 { 1.5 } else { 2.5 }).collect();
         let (halves, pixels) = ([half(0), half(1)], (0..100).collect());
         let reference = Reference { n_cols: 1, pixels, halves, seen: vec![false; 100], peaks: vec![2.0] };
         let off = vec![2.2; 300];
@@ -500,8 +504,11 @@ mod tests {
         // Of a picture the peak is its own: the halves are both bright in a quarter of it.
         let of_picture = reference.picture_db(&[[1.0; 3]], &off).expect("an error");
         assert!((of_picture - decibels(2.5, 0.04)).abs() < 1e-4);
-        // Nothing is off: what is left is how well that is known, a quarter over the root of 300.
+        // Nothing is off: what is left is how well that is known, a quarter over the root of 100 pixels.
         let of_truth = reference.picture_db(&[[1.0; 3]], &[2.0; 300]).expect("an error");
-        assert!((of_truth - decibels(2.5, 0.25 / 300f64.sqrt())).abs() < 1e-4, "{of_truth}");
+        assert!((of_truth - decibels(2.5, 0.25 / 10.0)).abs() < 1e-4, "{of_truth}");
+        let of_column = reference.errors(&[2.0; 300]);
+        assert!((of_column.mean_db() - decibels(2.0, 0.25 / 10.0)).abs() < 1e-4, "{}", of_column.mean_db());
+        assert_eq!(of_column.are_bounds, [true]);
     }
 }

@@ -278,7 +278,7 @@ fn opening(section: &str) -> String {
          are theirs times the number of lights over {some}, and the error is that of single lights alone, the median over these. A render of one\n\
          single light costs its part of a render per light.\n\n\
          The error is the mean of (x − a)(x − b), a and b two references that are kept between runs and whose samples stand below, under the\n\
-         square of the reference's 99.5 percentile, told as no less than its standard error; nothing is clipped, and pixels that show the light\n\
+         square of the reference's 99.5 percentile, told as no less than its standard error over the pixels; nothing is clipped, and pixels that show the light\n\
          itself, or lie beside one that does, are left out. Of single lights: the median over all columns, each below its own peak. Spots: three\n\
          of them on the first panel, one after the other, and the mean of their dB and, of a render of one look, of their seconds.\n\n\
          Of each number of samples all ways are measured one after the other; further points of shared light or of light that is not denoised,\n\
