@@ -34,7 +34,9 @@ const MOST_FURTHER: [f64; 2] = [0.0, 1.3e7];
 const MOST_SPOT_SPP: u32 = 256;
 /// Lights that are rendered by themselves where all of them take too long.
 pub(super) const SOME: usize = 16;
-/// Ways of ours that take more samples where that tells more.
+/// Ways of ours, each of which begins with a preview of its own.
+const OURS: [Way; 3] = [Way::Default, Way::Fast, Way::Exact];
+/// Those that take more samples where that tells more.
 const FURTHER: [Way; 2] = [Way::Fast, Way::Exact];
 /// Middles of the spots on a panel, and their radius in its shorter sides.
 const SPOTS: [[f32; 2]; 3] = [[0.5, 0.5], [0.2, 0.7], [0.85, 0.25]];
@@ -141,7 +143,7 @@ impl Bench<'_> {
     }
 }
 
-/// What is known before anything but the preview is measured: the number of columns, the dB at which the reference ends, and the preview.
+/// What is known before anything but previews is measured: the number of columns, the dB at which the reference ends, and the previews.
 type Begun = (usize, [Option<f64>; 3], Vec<Point>);
 
 /// All points of a scene; those of one number of samples one after the other, so that other work on the machine meets all ways. Each
@@ -151,7 +153,8 @@ pub(super) fn measure(desk: &Desk, section: &str, subject: &Subject) -> Result<M
     let (n_cols, ends, points): Begun = desk.part(section, name, || {
         let (scene, judge) = bench.ready()?;
         desk.say(&format!("previewing {name}"));
-        Ok((scene.lighting.basis.n_cols(), judge.ends(), preview(subject, scene, judge)?))
+        let previews = OURS.map(|way| preview(subject, scene, judge, way));
+        Ok((scene.lighting.basis.n_cols(), judge.ends(), previews.into_iter().collect::<Result<Vec<_>>>()?))
     })?;
     let mut measured = Measured { n_cols, points, ends };
     for spp in SPP {
@@ -241,13 +244,19 @@ impl Taken {
     }
 }
 
-/// The preview, which is the same whatever follows.
-fn preview(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge) -> Result<Vec<Point>> {
+/// The preview of a way, which is the same whatever number of samples follows.
+fn preview(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, way: Way) -> Result<Point> {
+    let config = preview_config(way);
+    let seed = config.seed;
     let begun = process_cpu_secs()?;
-    let preview = run_until(job(subject, scene, BakeConfig::default()), ends_a_pass)?;
+    let preview = run_until(job(subject, scene, config), ends_a_pass)?;
     let cpu_secs = process_cpu_secs()? - begun;
-    let db = judge.of_bake(&preview.header, &preview.groups);
-    Ok([Way::Default, Way::Fast, Way::Exact].map(|way| Point { way, seed: SEEDS[0], spp: None, cpu_secs, db }).into())
+    Ok(Point { way, seed, spp: None, cpu_secs, db: judge.of_bake(&preview.header, &preview.groups) })
+}
+
+/// That of the bakes that it is told beside.
+fn preview_config(way: Way) -> BakeConfig {
+    config_of(way, Taken { spp: BakeConfig::default().spp, seed: SEEDS[0] })
 }
 
 pub(super) fn job(subject: &Subject, scene: &Arc<PreparedScene>, config: BakeConfig) -> BakeJob {
@@ -344,6 +353,14 @@ mod tests {
         assert_eq!(of(64, 2.0), (0..16).map(|nth| 4 * nth + 2).collect::<Vec<_>>());
         assert_eq!(of(64, 1.0).len(), 64);
         assert!(of(64, 11.0).is_empty(), "some take too long as well");
+    }
+
+    #[test]
+    fn previews_have_the_seed_that_is_told_and_the_settings_of_their_way() {
+        let configs = OURS.map(preview_config);
+        assert_eq!(configs.each_ref().map(|config| config.seed), [SEEDS[0]; 3]);
+        let told = configs.map(|config| (config.indirect, config.denoise));
+        assert_eq!(told, [(Indirect::Traced, true), (Indirect::Shared, true), (Indirect::Traced, false)]);
     }
 
     #[test]
