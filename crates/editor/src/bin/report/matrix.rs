@@ -221,7 +221,9 @@ impl Repeats {
     /// The worst light and its error.
     fn worst_words(&self, spp: u32, way: &str) -> Option<String> {
         let light = self.worst_light.as_ref()?;
-        Some(format!("indirect light {way}, {spp} samples, {light}, {:.1} dB", self.errors[0].worst_db()))
+        let first = &self.errors[0];
+        let db = at_least(first.is_worst_bound(), format!("{:.1} dB", first.worst_db()));
+        Some(format!("indirect light {way}, {spp} samples, {light}, {db}"))
     }
 
     fn row(&self, (spp, tolerance_db): Asked, way: &str) -> String {
@@ -361,7 +363,7 @@ mod tests {
             let square = 10f64.powf(-db / 10.0);
             ColumnErrors { squares: vec![[square, 10.0 * square]], are_bounds: vec![false] }
         };
-        let repeats = Repeats {
+        let mut repeats = Repeats {
             secs: vec![2.0, 5.0, 3.0],
             errors: [30.0, 32.0, 31.0].map(errors).into(),
             mean_rank: 1.5,
@@ -376,6 +378,9 @@ mod tests {
         assert!(told.ends_with(" | 31.0 (30.0…32.0) | 31.0 (30.0…32.0) | 20.0 / 20.0 |\n"), "{told}");
         let worst = repeats.worst_words(64, "shared");
         assert_eq!(worst.as_deref(), Some("indirect light shared, 64 samples, `lamp`, 30.0 dB"));
+        repeats.errors[0].are_bounds = vec![true];
+        let worst = repeats.worst_words(64, "shared").expect("a light");
+        assert!(worst.ends_with("`lamp`, ≥ 30.0 dB"), "{worst}");
     }
 
     #[test]
