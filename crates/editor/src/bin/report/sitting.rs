@@ -285,14 +285,16 @@ fn sitting(desk: &Desk, path: &Path, turn: u64, manner: Manner<'_>) -> Result<Si
     let mut last = Instant::now();
     note("first drag on the CPU", ready, last);
     for gpu in &Gpu::all_headless(manner.choice) {
+        let (name, opened) = (short(&gpu.description(), &gpu.api()), Instant::now());
         let mut device = GpuRelighter::new(gpu, &frame)?;
         device.relight_to_texture(&rig(1.0), &display)?;
         gpu.wait()?;
         let ready = Instant::now();
+        note(&format!("relighter, {name}"), opened, ready);
         device.relight_to_texture(&rig(0.5), &display)?;
         gpu.wait()?;
         last = Instant::now();
-        note(&format!("first drag, {}", short(&gpu.description(), &gpu.api())), ready, last);
+        note(&format!("first drag, {name}"), ready, last);
         devices.push(gpu.description());
     }
     let [transport, picture] = ["sitting.transport", "sitting.png"].map(|name| desk.file(name));
