@@ -5,7 +5,8 @@ took as JSON: one object per renderer and number of samples. The section `peers`
     python3 scripts/peers.py SCENE.glb --size 256x192 --samples 16,64 --bounces 6 --out FOLDER
 
 Each picture is a linear EXR in FOLDER under all lights of the file: no denoiser, no clamp, no adaptive sampling, a pixel-wide box filter,
-a black world. Times are seconds of this process for rendering alone, loading and building not counted. Mitsuba reads no glTF: it gets
+a black world. Times are seconds of this process for rendering and writing the picture, loading the file not counted; Cycles builds its
+hierarchy within the call that renders, so that it is counted, while Mitsuba has built its own when it has loaded. Mitsuba reads no glTF: it gets
 triangles, base colors and emission, all surfaces diffuse, so that its pictures fit scenes that are; punctual lamps are left out.
 """
 
