@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::runs::{Judge, REFERENCE_SPP, job};
 use super::{SECONDS, Subject, prepared};
 use crate::desk::Desk;
-use crate::fit::{median, spread_words};
+use crate::fit::{hundredths, median, spread_words};
 use crate::goal::Goal;
 use crate::matrix::process_cpu_secs;
 use crate::under_way::{ends_a_pass, run_until};
@@ -51,11 +51,11 @@ pub fn write(desk: &Desk) -> Result<String> {
         rows += &format!(
             "| {name} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
             spread_words(clocked.prepare),
-            spread_words(clocked.preview.clone()),
+            hundredths(clocked.preview.clone()),
             spread_words(clocked.preview_cpu),
             decibels(&clocked.preview_db),
             verdict(PREVIEW, &clocked.preview, &clocked.preview_db),
-            spread_words(clocked.soon.clone()),
+            hundredths(clocked.soon.clone()),
             decibels(&clocked.soon_db),
             verdict(SOON, &clocked.soon, &clocked.soon_db),
         );
