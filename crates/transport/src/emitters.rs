@@ -391,12 +391,16 @@ fn panel_emitter(scene: &Scene, triangles: &[u32], resolution: u32) -> Result<Pa
     if material.alpha != AlphaMode::Opaque {
         return Err("its material is not opaque");
     }
+    let normal = mesh.area_normal(first).normalize();
+    if !material.double_sided && mesh.area_normal(second).dot(normal) < 0.0 {
+        return Err("its two triangles shine to opposite sides");
+    }
     let texel_area = u_edge.cross(v_edge).length() / (resolution * resolution) as f32;
     Ok(PanelEmitter {
         origin: corner(o),
         u_edge,
         v_edge,
-        normal: mesh.area_normal(first).normalize(),
+        normal,
         resolution,
         triangle: first,
         uv_frame,

@@ -232,6 +232,24 @@ mod tests {
     }
 
     #[test]
+    fn a_quad_whose_halves_shine_to_opposite_sides_is_no_panel_unless_both_shine_to_both() {
+        let mut scene = quads();
+        scene.mesh.triangles[1].swap(1, 2);
+        let asked = |scene: &Scene| {
+            let request = PanelRequest { node: "P".into(), resolution: 8 };
+            Lighting::new(scene, &[request]).map(|(lighting, _)| lighting.basis.n_cols())
+        };
+        let error = asked(&scene).expect_err("one half is turned").to_string();
+        assert!(error.contains("opposite sides"), "{error}");
+        scene.nodes[0].panel = Some(8);
+        let (lighting, warnings) = Lighting::new(&scene, &[]).expect("no request can fail");
+        assert_eq!(lighting.basis.n_cols(), 3, "it is one luminaire");
+        assert!(warnings.iter().any(|warning| warning.contains("opposite sides")), "{warnings:?}");
+        scene.materials[1].double_sided = true;
+        assert_eq!(asked(&scene).expect("either half shines to both sides"), 8 * 8 + 2);
+    }
+
+    #[test]
     fn a_panel_that_does_not_shine_is_named() {
         let mut scene = quads();
         scene.nodes[1].panel = Some(8);
