@@ -20,7 +20,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         let slabs = &self.scene.slabs;
         let may_pass = |route: &Route| {
             let faces = 2 * route.slabs().len() as u32;
-            walk.n_hits.saturating_add(faces) <= self.bounces.saturating_add(1)
+            (walk.n_before + walk.n_hits).saturating_add(faces) <= self.bounces.saturating_add(1)
         };
         if let Some(light) = straight.filter(|light| light.beyond) {
             let route = slabs.route_beyond(position, light.wi, self.far).filter(may_pass)?;
