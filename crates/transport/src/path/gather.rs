@@ -56,7 +56,9 @@ impl<P: LightPlan> Integrator<'_, P> {
             let hit = self.arrive(&mut walk, sampler, deposit)?;
             let bsdf = self.scene.bsdf(&hit, -walk.direction);
             let albedo = bsdf.base_albedo() * walk.throughput;
-            if albedo != Vec3::ZERO && !self.is_spent(&walk) {
+            // Gathered light has left the first surface: where bounces are counted, it would have too many behind a mirror.
+            let is_gathered = walk.n_hits == 1 || self.bounces == u32::MAX;
+            if albedo != Vec3::ZERO && is_gathered && !self.is_spent(&walk) {
                 self.connect(&walk, (Vertex::First, Rivals::Parts), (&hit, &bsdf), sampler, scratch, deposit);
                 walk.sampled_at = Some(Vertex::First);
                 let normal = self.scene.smooth_normal(&hit, walk.direction);
