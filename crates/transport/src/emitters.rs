@@ -20,7 +20,7 @@ use crate::lamps::Lamp;
 use crate::light::PanelSpot;
 use crate::origin::LightOrigin;
 use crate::photometry::PhotometricProfile;
-use crate::scene::{AlphaMode, PunctualKind, PunctualLight, Scene, SceneNode};
+use crate::scene::{AlphaMode, Mesh, PunctualKind, PunctualLight, Scene, SceneNode};
 use crate::sensors::parallelogram;
 use crate::sky::{DomeEmitter, MapEmitter, SkyForm, SkyLight, SunEmitter, dome_columns};
 use crate::stop::Stopped;
@@ -185,6 +185,18 @@ impl PanelEmitter {
             double_sided: self.double_sided,
             white: Vec3::ONE,
         })
+    }
+
+    /// Whether a triangle has the texture coordinates of a set that those of the panel's own triangle go on to.
+    fn goes_on(&self, mesh: &Mesh, triangle: u32, set: u8) -> bool {
+        let set = usize::from(set.min(1));
+        let [at, u_edge, v_edge] = self.uv_frame[set];
+        let is_met = |&vertex: &u32| {
+            let place = self.uv_of(mesh.positions[vertex as usize]);
+            let own = mesh.uvs[set].get(vertex as usize).copied().unwrap_or(Vec2::ZERO);
+            (at + u_edge * place.x + v_edge * place.y).distance(own) <= 1e-2 * (u_edge.length() + v_edge.length())
+        };
+        mesh.triangles[triangle as usize].iter().all(is_met)
     }
 
     /// Texel at (u, v), counted as in [`LightSource::columns`].
@@ -391,12 +403,16 @@ fn panel_emitter(scene: &Scene, triangles: &[u32], resolution: u32) -> Result<Pa
     if material.alpha != AlphaMode::Opaque {
         return Err("its material is not opaque");
     }
+    let normal = mesh.area_normal(first).normalize();
+    if !material.double_sided && mesh.area_normal(second).dot(normal) < 0.0 {
+        return Err("its two triangles shine to opposite sides");
+    }
     let texel_area = u_edge.cross(v_edge).length() / (resolution * resolution) as f32;
-    Ok(PanelEmitter {
+    let panel = PanelEmitter {
         origin: corner(o),
         u_edge,
         v_edge,
-        normal: mesh.area_normal(first).normalize(),
+        normal,
         resolution,
         triangle: first,
         uv_frame,
@@ -404,7 +420,9 @@ fn panel_emitter(scene: &Scene, triangles: &[u32], resolution: u32) -> Result<Pa
         textured: material.emissive_texture.is_some(),
         texel_side: 1.0 / resolution as f32,
         texel_area,
-    })
+    };
+    let texture = material.emissive_texture.filter(|texture| !panel.goes_on(mesh, second, texture.uv_set));
+    if texture.is_some() { Err("its two triangles have pieces of their texture that do not meet") } else { Ok(panel) }
 }
 
 fn add_sky_and_constant(scene: &Scene, sky: Option<&SkyRequest>, found: &mut Found, warnings: &mut Vec<String>) {

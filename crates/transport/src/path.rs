@@ -193,6 +193,8 @@ struct Walk {
     specular: bool,
     /// Surfaces met.
     n_hits: u32,
+    /// Surfaces that lie between the camera and the one where it set out, and count as bounces like those that it met.
+    n_before: u32,
     /// Extinction of the solid that the walk is in, 1/m.
     extinction: Vec3,
     /// Guided walks that left the same place, while its next surface is not met; see [`caustics`].
@@ -512,7 +514,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// Whether a walk has met one surface more than it may scatter at: only a clear pane still lets it pass.
     fn is_spent(&self, walk: &Walk) -> bool {
-        walk.n_hits - 1 > self.bounces
+        walk.n_before + walk.n_hits - 1 > self.bounces
     }
 
     fn collect_emission(&self, walk: &Walk, hit: &SurfaceHit, deposit: &mut impl Deposit) {
@@ -884,6 +886,7 @@ impl Walk {
             straight: true,
             specular: true,
             n_hits: 0,
+            n_before: 0,
             extinction: Vec3::ZERO,
             guides: Guides::None,
             caustic_share: 1.0,

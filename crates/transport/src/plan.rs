@@ -316,20 +316,23 @@ impl LightPlan for MatrixPlan {
     }
 }
 
-/// For a picture under given coefficients: columns in proportion to the light they send out.
+/// For a picture under given coefficients: most picks go to columns in proportion to the light they send out, the others to all
+/// lights alike. Beside a sun over a wide land a lamp sends out next to nothing, and yet it may be all the light that a room has.
 pub struct PicturePlan {
-    /// Summed probabilities of the columns that shine.
-    cumulative: Vec<(u32, f32)>,
+    /// Summed probabilities of the columns that shine. In single precision weak ones would round away beside strong ones.
+    cumulative: Vec<(u32, f64)>,
     probability: Vec<f32>,
 }
 
 impl PicturePlan {
     /// Picks at the first vertex and at later ones.
     const PICKS: [u32; 2] = [4, 1];
+    /// Share of the picks that goes to all lights alike.
+    const ALIKE: f64 = 0.25;
 
     /// For one RGB coefficient per column.
     pub fn new(lighting: &Lighting, coefficients: &[[f32; 3]], diameter_m: f32) -> PicturePlan {
-        let mut probability = vec![0.0; coefficients.len()];
+        let mut powers = vec![0.0; coefficients.len()];
         for (source, emitter) in lighting.basis.sources.iter().zip(&lighting.emitters) {
             let power = match (emitter, source.kind) {
                 (Emitter::Surface(surface), _) => surface.area,
@@ -345,16 +348,23 @@ impl PicturePlan {
             };
             for column in source.columns.clone() {
                 let color = Vec3::from(coefficients[column as usize]);
-                probability[column as usize] = power * (luminance(color) + 1e-3 * color.max_element()).max(0.0);
+                let brightness = luminance(color) + 1e-3 * color.max_element();
+                powers[column as usize] = f64::from(power) * f64::from(brightness.max(0.0));
             }
         }
-        let total: f64 = probability.iter().map(|&p| f64::from(p)).sum();
-        let mut sum = 0.0;
-        let mut cumulative = Vec::new();
-        for (column, p) in probability.iter_mut().enumerate().filter(|(_, p)| **p > 0.0) {
-            *p = (f64::from(*p) / total) as f32;
-            sum += *p;
-            cumulative.push((column as u32, sum));
+        let total: f64 = powers.iter().sum();
+        let n_shining = |columns: &Range<u32>| columns.clone().filter(|&column| powers[column as usize] > 0.0).count();
+        let sources = lighting.basis.sources.iter().map(|source| (&source.columns, n_shining(&source.columns)));
+        let shining: Vec<(&Range<u32>, usize)> = sources.filter(|(_, n)| *n > 0).collect();
+        let (mut probability, mut cumulative, mut sum) = (vec![0.0; coefficients.len()], Vec::new(), 0.0);
+        for &(columns, n) in &shining {
+            let alike = PicturePlan::ALIKE / (shining.len() * n) as f64;
+            for column in columns.clone().filter(|&column| powers[column as usize] > 0.0) {
+                let own = (1.0 - PicturePlan::ALIKE) * powers[column as usize] / total + alike;
+                sum += own;
+                probability[column as usize] = own as f32;
+                cumulative.push((column, sum));
+            }
         }
         PicturePlan { cumulative, probability }
     }
@@ -374,7 +384,7 @@ impl LightPlan for PicturePlan {
         let Some(&(_, total)) = self.cumulative.last() else { return };
         let n = PicturePlan::picks_at(vertex);
         for nth in 0..n {
-            let at = (nth as f32 + sampler.next_1d()) / n as f32 * total;
+            let at = f64::from(nth as f32 + sampler.next_1d()) / f64::from(n) * total;
             let chosen = self.cumulative.partition_point(|&(_, sum)| sum <= at).min(self.cumulative.len() - 1);
             let column = self.cumulative[chosen].0;
             picks.push(Pick { column, inverse_rate: 1.0 / (n as f32 * self.probability[column as usize]) });
@@ -391,5 +401,54 @@ impl LightPlan for PicturePlan {
 
     fn worth(&self, _: u32) -> f32 {
         f32::INFINITY
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::laws::stage::{Stage, lambert, quad};
+    use crate::light::LightRig;
+
+    #[test]
+    fn a_weak_lamp_beside_a_sun_is_picked_as_often_as_is_told() {
+        let camera = Camera::look_at("eye", Vec3::Y, Vec3::ZERO, 1.0, 1.0);
+        let land = quad(Vec3::new(-1000.0, 0.0, 1000.0), Vec3::X * 2000.0, Vec3::NEG_Z * 2000.0);
+        let stage = Stage::new(camera).surface("land", &land, lambert(0.5, 0.0));
+        let scene = stage.distant("sun", Vec3::NEG_Y, 1e5).lamp("lamp", Vec3::Y, 0.1).prepared();
+        let plan =
+            PicturePlan::new(&scene.lighting, &scene.lighting.basis.project(&LightRig::default()), scene.diameter());
+        let (mut picks, n) = (Vec::new(), 4096);
+        for vertex in [Vertex::First, Vertex::Later] {
+            let mut counts = [0u32; 2];
+            for nth in 0..n {
+                plan.pick(vertex, &mut Sampler::new(3, 0, nth), &mut picks);
+                for pick in &picks {
+                    let told = 1.0 / plan.rate(vertex, pick.column);
+                    assert!((pick.inverse_rate / told - 1.0).abs() < 1e-5, "{vertex:?}: {pick:?}, told {told}");
+                    counts[pick.column as usize] += 1;
+                }
+            }
+            for (column, count) in (0..).zip(counts) {
+                let (found, told) = (count as f32 / n as f32, plan.rate(vertex, column));
+                assert!(told > 0.1, "{vertex:?}, column {column}: {told} picks");
+                assert!((found / told - 1.0).abs() < 0.1, "{vertex:?}, column {column}: {found} picks, told {told}");
+            }
+        }
+    }
+
+    #[test]
+    fn lights_that_are_off_are_never_picked() {
+        let camera = Camera::look_at("eye", Vec3::Y, Vec3::ZERO, 1.0, 1.0);
+        let floor = quad(Vec3::new(-1.0, 0.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0);
+        let stage = Stage::new(camera).surface("floor", &floor, lambert(0.5, 0.0));
+        let scene = stage.lamp("on", Vec3::Y, 1.0).lamp("off", Vec3::Y, 1.0).prepared();
+        let plan = PicturePlan::new(&scene.lighting, &[[1.0; 3], [0.0; 3]], 1.0);
+        assert_eq!([0, 1].map(|column| plan.rate(Vertex::Later, column)), [1.0, 0.0]);
+        let dark = PicturePlan::new(&scene.lighting, &[[0.0; 3]; 2], 1.0);
+        let mut picks = Vec::new();
+        dark.pick(Vertex::First, &mut Sampler::new(3, 0, 0), &mut picks);
+        assert!(picks.is_empty(), "{picks:?}");
     }
 }

@@ -64,7 +64,7 @@ fn receipt(
     for walk in 0..walks {
         let (hit, normal) = own[walk as usize % own.len()];
         let mut sampler = Sampler::new(matrix.seed, stream, walk);
-        matrix.integrator.gather_indirect((hit, *normal, Onto::Point), &mut sampler, scratch, &mut deposit);
+        matrix.integrator.gather_indirect((hit, *normal, Onto::Cell), &mut sampler, scratch, &mut deposit);
     }
     let mut shares = deposit.shares;
     shares.iter_mut().for_each(|share| share.weight /= walks as f32);
@@ -126,5 +126,60 @@ impl Deposit for Sharing<'_, '_> {
         let Some(cell) = self.cells.find(at) else { return false };
         self.shares.push(Share { cell, weight: at.weight });
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{Quat, Vec2};
+
+    use super::*;
+    use crate::camera::{Camera, Film};
+    use crate::laws::slabs::{block, glass};
+    use crate::laws::stage::{Stage, lambert, quad, room};
+    use crate::plan::{Density, MatrixPlan};
+
+    /// Light of the only column on the surface that the camera looks at, as a cell there receives it with at most so many bounces: all
+    /// of it but that of other cells, of which none is known, and what comes straight from the lamp.
+    fn received(stage: Stage, bounces: u32) -> [f32; 2] {
+        let scene = stage.prepared();
+        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 1, height: 1 });
+        let ray = (camera.position(), camera.direction(film, Vec2::splat(0.5)));
+        let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+        let matrix = TransportMatrix::new(&scene, &plan, camera, film, Some(bounces), 3);
+        let place = matrix.integrator.gathering_surface(ray, &mut Sampler::new(1, 0, 0)).expect("it sees the floor");
+        let (cells, mut scratch) = (Cells::fit(&[], 1), Scratch::default());
+        let all = receipt((&matrix, &cells), (&[place], Half::A), (STREAM, 64), &mut scratch).rows;
+        let mut direct = vec![0.0; CHANNELS];
+        let mut deposit = RowDeposit::new(&mut direct, 1, matrix.column_scale());
+        let mut sampler = Sampler::new(matrix.seed, STREAM + 2, 0);
+        matrix.integrator.gather_direct((&place.0, place.1), &mut sampler, &mut scratch, &mut deposit);
+        [all[1], direct[1]]
+    }
+
+    #[test]
+    fn the_surface_that_sees_a_cell_counts_as_one() {
+        let camera = Camera::look_at("eye", Vec3::new(0.2, 0.1, 0.9), Vec3::NEG_Y, 1.0, 1.0);
+        let stage = || Stage::new(camera.clone()).surface("walls", &room(Vec3::ONE), lambert(0.6, 0.0));
+        let lit = |bounces| received(stage().lamp("lamp", Vec3::new(0.1, 0.5, -0.2), 1.0), bounces);
+        // A walk that scatters in the cell has come to its first bounce.
+        let [all, direct] = lit(1);
+        assert!(all == direct && direct > 0.0, "{all}, {direct} straight from the lamp");
+        let [all, direct] = lit(2);
+        assert!(all > 1.1 * direct, "{all}, {direct} straight from the lamp");
+    }
+
+    #[test]
+    fn both_faces_of_a_pane_count_before_a_cell_as_elsewhere() {
+        let camera = Camera::look_at("eye", Vec3::new(0.0, 0.3, 0.5), Vec3::ZERO, 1.0, 1.0);
+        let floor = quad(Vec3::new(-1.0, 0.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0);
+        let pane = block(Vec3::Y, Vec3::new(2.0, 0.05, 2.0), Quat::IDENTITY);
+        let stage = || Stage::new(camera.clone()).surface("floor", &floor, lambert(0.6, 0.0));
+        let lit = |bounces| {
+            let stage = stage().surface("pane", &pane, glass()).lamp("lamp", Vec3::new(0.1, 1.5, 0.0), 1.0);
+            received(stage, bounces)[1]
+        };
+        assert_eq!([0, 1, 2].map(lit), [0.0; 3]);
+        assert!(lit(3) > 0.0);
     }
 }

@@ -171,12 +171,13 @@ fn warn_of_dark_panels(scene: &Scene, candidates: &[Candidate], warnings: &mut V
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
+    use glam::{Vec2, Vec3};
 
     use super::*;
     use crate::basis::SourceKind;
     use crate::emitters::Lighting;
-    use crate::scene::{Material, Mesh};
+    use crate::laws::stage::textured;
+    use crate::scene::{Encoding, Material, Mesh};
 
     /// A quad per node, named `P` but for the last, which has no name; the second does not shine.
     fn quads() -> Scene {
@@ -229,6 +230,49 @@ mod tests {
         assert_eq!(keys(&scene), ["P#2", "node:3"]);
         scene.dark_materials.clear();
         assert_eq!(keys(&scene), ["P", "node:3"]);
+    }
+
+    #[test]
+    fn a_quad_whose_halves_shine_to_opposite_sides_is_no_panel_unless_both_shine_to_both() {
+        let mut scene = quads();
+        scene.mesh.triangles[1].swap(1, 2);
+        let asked = |scene: &Scene| {
+            let request = PanelRequest { node: "P".into(), resolution: 8 };
+            Lighting::new(scene, &[request]).map(|(lighting, _)| lighting.basis.n_cols())
+        };
+        let error = asked(&scene).expect_err("one half is turned").to_string();
+        assert!(error.contains("opposite sides"), "{error}");
+        scene.nodes[0].panel = Some(8);
+        let (lighting, warnings) = Lighting::new(&scene, &[]).expect("no request can fail");
+        assert_eq!(lighting.basis.n_cols(), 3, "it is one luminaire");
+        assert!(warnings.iter().any(|warning| warning.contains("opposite sides")), "{warnings:?}");
+        scene.materials[1].double_sided = true;
+        assert_eq!(asked(&scene).expect("either half shines to both sides"), 8 * 8 + 2);
+    }
+
+    #[test]
+    fn a_quad_whose_texture_does_not_go_on_across_its_middle_is_no_panel() {
+        let mut scene = quads();
+        let corners = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+        scene.mesh.uvs[0] = (0..4).flat_map(|_| corners).collect();
+        scene.materials[1].emissive_texture = textured(Encoding::Srgb);
+        let asked = |scene: &Scene| {
+            let request = PanelRequest { node: "P".into(), resolution: 8 };
+            Lighting::new(scene, &[request]).map(|(lighting, _)| lighting.basis.n_cols())
+        };
+        assert_eq!(asked(&scene).expect("it goes on"), 8 * 8 + 2);
+        // The second triangle gets corners of its own, with the piece of the texture that the first one has.
+        let first = scene.mesh.positions.len() as u32;
+        for (corner, uv) in [0, 2, 3].into_iter().zip([Vec2::ZERO, Vec2::X, Vec2::ONE]) {
+            scene.mesh.positions.push(scene.mesh.positions[corner]);
+            scene.mesh.normals.push(Vec3::Z);
+            scene.mesh.uvs[0].push(uv);
+        }
+        scene.mesh.triangles[1] = [first, first + 1, first + 2];
+        let error = asked(&scene).expect_err("it does not").to_string();
+        assert!(error.contains("texture"), "{error}");
+        scene.materials[1].emissive_texture = None;
+        assert_eq!(asked(&scene).expect("nothing is textured"), 8 * 8 + 2);
     }
 
     #[test]

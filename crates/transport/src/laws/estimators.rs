@@ -148,6 +148,23 @@ fn direct_light_and_what_is_gathered_are_all_light() {
 }
 
 #[test]
+fn what_is_gathered_behind_a_mirror_has_no_bounce_too_many() {
+    let camera = Camera::look_at("eye", Vec3::new(0.2, 0.1, 0.9), Vec3::NEG_Z, 0.5, 4.0 / 3.0);
+    let silver = Material { metallic: 1.0, roughness: 0.0, ..Material::default() };
+    let scene = Stage::new(camera)
+        .surface("walls", &room(Vec3::ONE), lambert(0.6, 0.0))
+        .surface("mirror", &quad(Vec3::new(-0.95, -0.95, -0.99), Vec3::X * 1.9, Vec3::Y * 1.9), silver)
+        .surface("light", &quad(Vec3::new(-0.5, 0.98, -0.5), Vec3::X * 0.9, Vec3::Z * 0.9), lambert(0.0, 3.0))
+        .prepared();
+    let (plan, weights) = (MatrixPlan::new(&scene.lighting, Density::Full), file_light(&scene));
+    for bounces in [1, 2] {
+        let whole = walks(10, 4, Some(bounces), 4).streams(&scene, &plan, &weights);
+        let shared = walks(10, 4, Some(bounces), 5).gathered(&scene, &plan, &weights);
+        assert_same_mean(&shared, &whole, SHARP, &format!("{bounces} bounces"));
+    }
+}
+
+#[test]
 fn connections_alone_without_any_weights_have_the_mean_of_plain_walks_and_of_weighed_ones() {
     let scene = room_with_everything();
     let weights = file_light(&scene);

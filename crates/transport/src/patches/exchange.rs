@@ -129,7 +129,8 @@ impl Exchange {
             for walk in 0..WALKS {
                 let mut sampler = Sampler::new(seed, stream + patch as u64, walk);
                 let origin = origins[walk as usize % origins.len()];
-                integrator.land_from_surface(origin, &mut sampler, &mut |landing, sampler| {
+                // Whoever looks at a patch does so from a surface.
+                integrator.land_from_surface(origin, 1, &mut sampler, &mut |landing, sampler| {
                     row.land(nearest, landing, sampler)
                 });
             }
@@ -211,7 +212,10 @@ fn tail(last: f64, one_before: f64) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::nearest::Center;
     use super::*;
+    use crate::camera::Camera;
+    use crate::laws::stage::{Stage, lambert, room};
     use crate::sampler::uniform_hash;
 
     const PATCHES: usize = 40;
@@ -281,5 +285,18 @@ mod tests {
                 assert!((found / expected - 1.0).abs() < 1e-4, "{most_bounces} bounces: {found} for {expected}");
             }
         }
+    }
+
+    #[test]
+    fn patches_send_each_other_nothing_where_one_bounce_is_all() {
+        let camera = Camera::look_at("eye", Vec3::Z * 0.5, Vec3::ZERO, 1.0, 1.0);
+        let scene = Stage::new(camera).surface("walls", &room(Vec3::ONE), lambert(0.6, 0.0)).prepared();
+        let nearest = Nearest::new(vec![Center { position: Vec3::NEG_Y, normal: Vec3::Y }], 0.1);
+        let n_shares = |bounces| {
+            let integrator = Integrator::new(&scene, &NoLights, Some(bounces));
+            let origins = [vec![(Vec3::Y * -0.999, Vec3::Y)]];
+            Exchange::find(&integrator, &nearest, &origins, (1, 0)).rows[0].known.len()
+        };
+        assert_eq!([1, 2].map(n_shares), [0, 1]);
     }
 }

@@ -74,7 +74,7 @@ impl PatchMatrix<'_> {
         for split in 0..SPLITS {
             let mut own = sampler.fork(split, SPLITS);
             let from = (receiver.origin(self.integrator.scene()), receiver.normal);
-            self.integrator.land_from_surface(from, &mut own, &mut land);
+            self.integrator.land_from_surface(from, 0, &mut own, &mut land);
         }
     }
 

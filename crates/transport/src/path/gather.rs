@@ -28,6 +28,8 @@ pub(crate) enum Onto {
     Pixel,
     /// That of a point for which it is the only one.
     Point,
+    /// The same of a point of a cell, which walks see from a surface of their own.
+    Cell,
 }
 
 /// Density of a walk that gathers: emitters that whoever asks has sampled count next to nothing beside it.
@@ -54,7 +56,9 @@ impl<P: LightPlan> Integrator<'_, P> {
             let hit = self.arrive(&mut walk, sampler, deposit)?;
             let bsdf = self.scene.bsdf(&hit, -walk.direction);
             let albedo = bsdf.base_albedo() * walk.throughput;
-            if albedo != Vec3::ZERO && !self.is_spent(&walk) {
+            // Gathered light has left the first surface: where bounces are counted, it would have too many behind a mirror.
+            let is_gathered = walk.n_hits == 1 || self.bounces == u32::MAX;
+            if albedo != Vec3::ZERO && is_gathered && !self.is_spent(&walk) {
                 self.connect(&walk, (Vertex::First, Rivals::Parts), (&hit, &bsdf), sampler, scratch, deposit);
                 walk.sampled_at = Some(Vertex::First);
                 let normal = self.scene.smooth_normal(&hit, walk.direction);
@@ -142,7 +146,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         walk.rival = Some(Vertex::First);
         walk.specular = false;
         walk.straight = false;
-        walk.n_hits = 1;
+        (walk.n_hits, walk.n_before) = (1, u32::from(onto == Onto::Cell));
         self.follow(walk, sampler, scratch, deposit);
     }
 
@@ -183,8 +187,8 @@ impl<P: LightPlan> Integrator<'_, P> {
         if onto == Onto::Pixel && self.casters.is_some() { Guides::All } else { Guides::None }
     }
 
-    /// Deposits one sample of the mean radiance (weighted by the cosine) that reaches a point straight from all lights that
-    /// can be connected to.
+    /// Deposits one sample of the mean radiance (weighted by the cosine) that reaches a point of a cell straight from all lights
+    /// that can be connected to.
     pub(crate) fn gather_direct(
         &self,
         (hit, normal): (&SurfaceHit, Vec3),
@@ -194,9 +198,10 @@ impl<P: LightPlan> Integrator<'_, P> {
     ) {
         let outward = hit.outward(normal);
         let mut walk = Walk::from_camera(hit.position, -normal);
+        (walk.n_hits, walk.n_before) = (1, 1);
         let white = Bsdf::white(outward, normal);
         self.connect(&walk, (Vertex::First, Rivals::Parts), (hit, &white), sampler, scratch, deposit);
-        (walk.sampled_at, walk.n_hits) = (Some(Vertex::First), 1);
+        walk.sampled_at = Some(Vertex::First);
         if let Some(sample) = white.sample_base(sampler.next_1d(), sampler.next_2d()) {
             self.meet_emitter(walk, (hit, &sample), sampler, deposit);
         }

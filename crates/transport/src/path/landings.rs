@@ -116,15 +116,17 @@ impl<P: LightPlan> Integrator<'_, P> {
         }
     }
 
-    /// One walk from a surface, in a direction with density cosθ/π around its normal.
+    /// One walk from a surface, in a direction with density cosθ/π around its normal; `n_before` surfaces lie between that and the
+    /// camera.
     pub(crate) fn land_from_surface(
         &self,
         (origin, normal): (Vec3, Vec3),
+        n_before: u32,
         sampler: &mut Sampler,
         land: &mut impl FnMut(&Landing<'_>, &mut Sampler) -> Onward,
     ) {
         let mut walk = Walk::from_camera(origin, cosine_around(normal, sampler.next_2d()));
-        (walk.n_hits, walk.specular, walk.straight) = (1, false, false);
+        (walk.n_hits, walk.n_before, walk.specular, walk.straight) = (1, n_before, false, false);
         self.land(walk, (Vec3::ZERO, 0.0), sampler, land);
     }
 

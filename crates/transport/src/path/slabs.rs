@@ -20,7 +20,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         let slabs = &self.scene.slabs;
         let may_pass = |route: &Route| {
             let faces = 2 * route.slabs().len() as u32;
-            walk.n_hits.saturating_add(faces) <= self.bounces.saturating_add(1)
+            (walk.n_before + walk.n_hits).saturating_add(faces) <= self.bounces.saturating_add(1)
         };
         if let Some(light) = straight.filter(|light| light.beyond) {
             let route = slabs.route_beyond(position, light.wi, self.far).filter(may_pass)?;
@@ -45,8 +45,9 @@ impl<P: LightPlan> Integrator<'_, P> {
 
     /// Share of light that comes along a route; nothing where something is in the way, or the route misses a face.
     pub(super) fn passed_along(&self, walk: &Walk, hit: &SurfaceHit, light: &LightPoint, route: &Route) -> Vec3 {
-        let extinction = self.extinction_towards(walk, hit, route.direction);
-        let start = (hit.position, hit.origin(hit.outward(route.direction)));
+        // Of a route that grazes the surface, rounding may put the direction on the other side of that.
+        let extinction = self.extinction_towards(walk, hit, light.wi);
+        let start = (hit.position, hit.origin(hit.outward(light.wi)));
         let end = if light.beyond { None } else { Some(light.target) };
         passed_along(self.scene, start, extinction, (route, end, self.far))
     }
@@ -121,4 +122,57 @@ pub(crate) fn through_glass(
 /// Share of light that a medium leaves over a length, m.
 fn kept(extinction: Vec3, length: f32) -> Vec3 {
     if extinction == Vec3::ZERO { Vec3::ONE } else { (-extinction * length).exp() }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Quat;
+
+    use super::super::{Deposit, Receiver, Scratch};
+    use super::*;
+    use crate::camera::Camera;
+    use crate::laws::slabs::{block, glass};
+    use crate::laws::stage::Stage;
+    use crate::plan::{Density, MatrixPlan};
+    use crate::sampler::Sampler;
+
+    /// All light that comes.
+    struct Sum(Vec3);
+
+    impl Deposit for Sum {
+        fn scattered(&mut self, _: u32, value: Vec3) {
+            self.0 += value;
+        }
+
+        fn seen(&mut self, column: u32, value: Vec3) {
+            self.scattered(column, value);
+        }
+    }
+
+    #[test]
+    fn light_through_a_tilted_pane_that_grazes_a_plane_is_measured_on_one_of_its_sides() {
+        let turn = Quat::from_rotation_z(0.4) * Quat::from_rotation_x(0.3);
+        let camera = Camera::look_at("eye", Vec3::new(0.0, 0.4, 0.6), Vec3::ZERO, 1.0, 1.0);
+        let pane = block(Vec3::Y, Vec3::new(2.0, 0.05, 2.0), turn);
+        // Far from the origin places are rounded more than directions.
+        let (lamp, away) = (Vec3::new(0.1, 2.0, -0.1), Vec3::X * 100.0);
+        let scene = Stage::new(camera).surface("pane", &pane, glass()).lamp("lamp", lamp, 7.0).moved(away).prepared();
+        let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+        let (integrator, mut scratch, mut n_lit) = (Integrator::new(&scene, &plan, Some(2)), Scratch::default(), 0);
+        for case in 0..512 {
+            let mut sampler = Sampler::new(5, 0, case);
+            let [x, z] = sampler.next_2d();
+            let position = away + Vec3::new(x - 0.5, 0.0, z - 0.5);
+            let route = scene.slabs.route(position, lamp + away).expect("the pane is in between");
+            // At right angles to the light, as far as rounding knows.
+            let (u, v) = route.direction.any_orthonormal_pair();
+            let (sin, cos) = (case as f32).sin_cos();
+            let receiver = Receiver::on_plane(position, (u * cos + v * sin).normalize());
+            let mut lux = Sum(Vec3::ZERO);
+            integrator.sample_irradiance(&receiver, &mut sampler, &mut scratch, &mut lux);
+            assert!((0.0..1e-3).contains(&lux.0.y), "case {case}: {} lx", lux.0.y);
+            n_lit += u32::from(lux.0.y > 0.0);
+        }
+        assert!(n_lit > 64, "only {n_lit} planes get light");
+    }
 }
