@@ -446,6 +446,36 @@ fn the_plain_lamp_beside_a_measured_one_follows_it_and_comes_back_from_the_dark(
     assert_eq!(color, json!([0.0, 0.5, 1.0]));
 }
 
+#[test]
+fn a_measured_lamp_without_its_file_or_with_numbers_out_of_range_is_written_as_it_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, out, lit] = ["in.gltf", "out.gltf", "lit.gltf"].map(|name| folder.path().join(name));
+    let ies = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
+    std::fs::write(folder.path().join("x.ies"), ies).unwrap();
+    let out_of_range = json!({ "light": 0, "multiplier": -1, "color": [1.0, 0.5, 2.0] });
+    for (uri, instance) in [("absent.ies", json!({ "light": 0, "multiplier": 0.5 })), ("x.ies", out_of_range)] {
+        let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
+        gltf["extensions"]["EXT_lights_ies"] = json!({ "lights": [{ "uri": uri }] });
+        gltf["extensionsUsed"] = json!(["KHR_lights_punctual", "EXT_lights_ies"]);
+        gltf["nodes"][1]["extensions"] = json!({ "EXT_lights_ies": instance });
+        std::fs::write(&file, gltf.to_string()).unwrap();
+        let scene = open(&file);
+        let write = |of: &Path, setting: LightSetting, to: &Path| {
+            let mut look = Look::default();
+            look.lights.lights.insert("lamp".into(), setting);
+            assert_eq!(save(of, &open(of), &look, to), Vec::<String>::new());
+            assert_same_light(&scene, &look, &open(to));
+        };
+        let on = LightSetting::default();
+        write(&file, LightSetting { intensity: 0.25, ..on }, &out);
+        write(&file, LightSetting { color: Some([0.2, 1.0, 0.4]), ..on }, &out);
+        write(&file, LightSetting { muted: true, ..on }, &out);
+        let dark = parts(&out).0["nodes"][1]["extensions"]["EXT_lights_ies"]["multiplier"].as_f64();
+        assert_eq!(dark, Some(0.0), "others find it dark");
+        write(&out, on, &lit);
+    }
+}
+
 /// Holds the lights of a file against the free lamps that they were.
 #[track_caller]
 fn hold_free_lamps(look: &Look, again: &PreparedScene, muted: bool) {
