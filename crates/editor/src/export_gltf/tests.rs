@@ -8,6 +8,7 @@ use clerestory_transport::light::{LightGroup, LightRig, LightSetting, PanelSpot}
 use clerestory_transport::scene::PunctualKind;
 use glam::Vec3;
 use serde_json::{Value, json};
+use tempfile::TempDir;
 
 use super::*;
 
@@ -510,16 +511,22 @@ fn hold_free_lamps(look: &Look, again: &PreparedScene, muted: bool) {
     }
 }
 
+/// A folder of one that holds `data/a b.bin` and an empty one.
+fn two_folders() -> (TempDir, [PathBuf; 2]) {
+    let folder = tempfile::tempdir().unwrap();
+    let [from, to] = ["from", "to"].map(|name| folder.path().join(name));
+    std::fs::create_dir_all(from.join("data")).unwrap();
+    std::fs::write(from.join("data/a b.bin"), b"abc").unwrap();
+    std::fs::create_dir(&to).unwrap();
+    (folder, [from, to])
+}
+
 #[test]
 fn what_a_gltf_refers_to_comes_along_and_nothing_else_is_overwritten() {
-    let folder = tempfile::tempdir().unwrap();
-    let (from, to) = (folder.path().join("from"), folder.path().join("to"));
-    std::fs::create_dir_all(from.join("data")).unwrap();
-    std::fs::create_dir(&to).unwrap();
+    let (_folder, [from, to]) = two_folders();
     let file = from.join("in.gltf");
     std::fs::write(&file, r#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": "data/a%20b.bin"}]}"#)
         .unwrap();
-    std::fs::write(from.join("data/a b.bin"), b"abc").unwrap();
     let write = |out: &Path| {
         let bytes = std::fs::read(&file).unwrap();
         let document = Document::parse(&bytes).unwrap();
@@ -535,11 +542,7 @@ fn what_a_gltf_refers_to_comes_along_and_nothing_else_is_overwritten() {
 
 #[test]
 fn what_a_gltf_names_as_windows_does_comes_along() {
-    let folder = tempfile::tempdir().unwrap();
-    let (from, to) = (folder.path().join("from"), folder.path().join("to"));
-    std::fs::create_dir_all(from.join("data")).unwrap();
-    std::fs::create_dir(&to).unwrap();
-    std::fs::write(from.join("data/a b.bin"), b"abc").unwrap();
+    let (_folder, [from, to]) = two_folders();
     let bytes = br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": "Data\\A%20b.bin"}]}"#;
     let (source, document) = (Container::split(bytes).unwrap(), Document::parse(bytes).unwrap());
     container::save(&source, document, Kind::Gltf, Some(&from), &to.join("out.gltf")).unwrap();
