@@ -37,6 +37,7 @@ use crate::marks::{Marked, Probed};
 use crate::output::write_whole;
 use crate::words::in_words;
 pub use display::{Display, FalseColor, Quantity, Units};
+use lamps::MAX_LAMPS;
 pub use on_disk::OnDisk;
 use scene::SceneChoice;
 use snapshot::Snapshot;
@@ -224,8 +225,15 @@ impl Look {
     /// relative to it.
     ///
     /// # Errors
-    /// If the file cannot be written, or would be too long to be read again.
+    /// If the file cannot be written, or would be too long or have too many lamps to be read again.
     pub fn save(&self, path: &Path) -> Result<OnDisk> {
+        let most = self.rigs().map(|rig| rig.lamps.len()).max().unwrap_or(0);
+        anyhow::ensure!(
+            most <= MAX_LAMPS,
+            "{} would have {most} lamps in one look and could not be opened again; a look holds {MAX_LAMPS} at most: \
+             delete some first, or take a cross-fade to one of its ends",
+            path.display()
+        );
         let json = self.json_at(path);
         let is_readable = json.len() as u64 <= MAX_BYTES;
         anyhow::ensure!(is_readable, "{} would be too long to be opened again; delete looks first", path.display());

@@ -155,7 +155,8 @@ pub fn decode_block(bytes: &[u8]) -> Result<(BlockFactors, usize), CodecError> {
 fn check(block: &BlockFactors) -> Result<(), CodecError> {
     let finite = block.scale.iter().chain(&block.column_errors).all(|x| x.is_finite())
         && block.left.iter().chain(&block.right).chain(&block.doubt).all(|x| x.is_finite())
-        && block.sparse.iter().all(|entry| entry.value.is_finite());
+        && block.sparse.iter().all(|entry| entry.value.is_finite())
+        && block.error.is_finite();
     if !finite {
         return Err(CodecError::Malformed("a value is not finite"));
     }
@@ -262,6 +263,11 @@ mod tests {
         assert!(malformed(sparse, &5u32.to_le_bytes()), "rows out of order");
         assert!(malformed(sparse + 8, &f32::NAN.to_le_bytes()), "sparse value");
         assert!(malformed(HEADER_LEN, &f32::INFINITY.to_le_bytes()), "scale");
+        for (at, what) in [(HEADER_LEN - 12, "truncation"), (HEADER_LEN - 8, "sampling"), (HEADER_LEN - 4, "noise")] {
+            for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+                assert!(malformed(at, &value.to_le_bytes()), "{what} of {value}");
+            }
+        }
         assert!(malformed(HEADER_LEN + 8, &f16::NAN.to_le_bytes()), "left");
         assert!(matches!(decode_block(&forged(&bytes, 4, &[9, 0])), Err(CodecError::Version(9))));
         assert!(malformed(4, &[2, 0, 2, 0]) && malformed(4, &[1, 0, 1, 0]), "parts that came later");

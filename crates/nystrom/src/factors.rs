@@ -20,6 +20,11 @@ pub struct BlockError {
 }
 
 impl BlockError {
+    /// Whether all three are finite. A map of errors would show what is no number as no error at all.
+    pub(crate) fn is_finite(&self) -> bool {
+        [self.truncation, self.sampling, self.noise].into_iter().all(f32::is_finite)
+    }
+
     /// Standard deviation of `truncation + sampling` of a block of so many entries that was neither smoothed nor
     /// [denoised](crate::Denoiser), when the noise is another one. Their sum is right in the mean and no bound: it is the inner
     /// product of what two fits leave of their halves, an error e that they have in common and noise. With s the variance of the noise

@@ -164,7 +164,7 @@ impl PackedMatrix {
             }
             let mut input = Decoder::new(&self.tables, bytes);
             let rank = block::read_rank(block_idx, &self.layout, &mut input).map(|(_, rank)| u64::from(rank));
-            let rank = rank.ok_or(CodecError::Malformed("the rank of a block"))?;
+            let rank = rank.ok_or(CodecError::Malformed("the rank or the errors of a block"))?;
             // One more may be needed for the kept product.
             let n_values = self.layout.n_rows(block_idx).checked_add(self.layout.n_cols()).ok_or(TOO_LARGE)?;
             rank.checked_add(1).and_then(|rank| rank.checked_mul(2)?.checked_mul(n_values as u64)).ok_or(TOO_LARGE)

@@ -1,6 +1,6 @@
 //! The sky in the window: read from files and made beside it, baked, and played over a day.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
@@ -28,6 +28,18 @@ const SKY_LEAST: f32 = 60.0;
 /// A sky that was read, and what is odd about it.
 type Read = Result<(SkySetting, Vec<String>), String>;
 
+/// What a sky is read for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Purpose {
+    /// It is wanted no more.
+    #[default]
+    Nothing,
+    /// To light the scene.
+    NewSky,
+    /// To show what the file of the sky holds by now.
+    NewMap,
+}
+
 /// A sky that was made.
 struct Made {
     /// The sky of the look that it replaces.
@@ -42,8 +54,8 @@ struct Made {
 pub(super) struct Daylight {
     wake: Wake,
     reading: Aside<Read>,
-    /// Whether what is being read is still wanted.
-    is_wanted: bool,
+    /// What the sky that is being read is for.
+    purpose: Purpose,
     making: Aside<Made>,
     state: SkyState,
     /// Whether in the frame before the day played, or the sky was being changed.
@@ -53,12 +65,12 @@ pub(super) struct Daylight {
 impl Daylight {
     pub fn new(wake: Wake) -> Daylight {
         let (reading, making, state) = (Aside::default(), Aside::default(), SkyState::default());
-        Daylight { wake, reading, is_wanted: false, making, state, was_changing: false }
+        Daylight { wake, reading, purpose: Purpose::Nothing, making, state, was_changing: false }
     }
 
     /// Another scene is open.
     pub fn forget(&mut self) {
-        (self.is_wanted, self.state, self.was_changing) = (false, SkyState::default(), false);
+        (self.purpose, self.state, self.was_changing) = (Purpose::Nothing, SkyState::default(), false);
     }
 
     /// Has the dome painted again.
@@ -104,7 +116,7 @@ impl App {
             basis,
             is_shut_out: self.session.shown.as_ref().is_some_and(|shown| is_sky_dark(&shown.header)),
             can_bake: self.session.has_scene(),
-            is_reading: self.daylight.reading.is_busy() && self.daylight.is_wanted,
+            is_reading: self.daylight.reading.is_busy() && self.daylight.purpose != Purpose::Nothing,
         };
         let most = most_height(ui.available_height());
         let frame = eframe::egui::Frame::NONE.inner_margin(eframe::egui::Margin::symmetric(0, 4));
@@ -127,33 +139,65 @@ impl App {
 
     /// Lights the scene by a map, once it is read; turn and intensity stay.
     pub(super) fn use_sky(&mut self, path: &Path) {
-        if self.daylight.reading.is_busy() {
-            self.complain("another sky is being read; wait for it");
-            return;
-        }
         let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
-        self.say(format!("Reading {}", path.display()));
-        self.daylight.is_wanted = true;
-        let read = move || read_sky(&path);
-        let started = self.daylight.reading.start("read sky", &self.daylight.wake, read);
-        if let Err(words) = started {
-            self.complain(words);
+        if self.start_reading(path.clone(), Purpose::NewSky) {
+            self.say(format!("Reading {}", path.display()));
         }
     }
 
     /// Reads the map of the look's sky again, which another program wrote; what is set of the sky stays.
     pub(super) fn read_sky_again(&mut self) {
-        let Some(mut sky) = self.look.lights.sky.clone() else { return };
-        if self.daylight.reading.is_busy() {
-            return self.complain("another sky is being read; wait for it");
+        if let Some(file) = self.look.lights.sky.as_ref().and_then(|sky| sky.file.clone()) {
+            self.start_reading(file.into(), Purpose::NewMap);
         }
-        self.daylight.is_wanted = true;
-        let read = move || {
-            let odd = sky::load(&mut sky, Path::new("")).map_err(|error| in_words(&error))?;
-            Ok((sky, odd))
-        };
-        if let Err(words) = self.daylight.reading.start("read sky", &self.daylight.wake, read) {
-            self.complain(words);
+    }
+
+    /// Answers whether a sky is being read now; complains where it is not.
+    fn start_reading(&mut self, path: PathBuf, purpose: Purpose) -> bool {
+        if self.daylight.reading.is_busy() {
+            self.complain("another sky is being read; wait for it");
+            return false;
+        }
+        let started = self.daylight.reading.start("read sky", &self.daylight.wake, move || read_sky(&path));
+        match started {
+            Ok(()) => self.daylight.purpose = purpose,
+            Err(words) => self.complain(words),
+        }
+        self.daylight.reading.is_busy()
+    }
+
+    /// Takes in a sky that was read, if it is wanted still.
+    fn take_read_sky(&mut self) {
+        let Some(read) = self.daylight.reading.take() else { return };
+        let read = read.and_then(|read| read);
+        match std::mem::take(&mut self.daylight.purpose) {
+            Purpose::Nothing => {}
+            Purpose::NewSky => self.take_sky(read),
+            Purpose::NewMap => self.take_map(read),
+        }
+    }
+
+    /// Shows a map that was read again. What was set of the sky meanwhile stays, and so does a sky that shows another file by now.
+    fn take_map(&mut self, read: Read) {
+        match read {
+            Ok((read, odd)) => {
+                let is_it = |sky: &SkySetting| sky.file == read.file;
+                if !self.look.lights.sky.as_ref().is_some_and(is_it) {
+                    return;
+                }
+                let renew = |sky: &mut SkySetting| {
+                    if is_it(sky) {
+                        sky.map = read.map.clone();
+                    }
+                };
+                self.say(format!("Sky {}", read.name()));
+                self.daylight.state.wanted.iter_mut().for_each(renew);
+                self.as_one_step(|app| app.look.lights.sky.iter_mut().for_each(renew));
+                if !odd.is_empty() {
+                    self.complain(odd.join(", "));
+                }
+            }
+            Err(words) => self.complain(words),
         }
     }
 
@@ -194,12 +238,11 @@ impl App {
 
     /// Takes in a sky that was read, and lets the hours pass.
     pub(super) fn advance_daylight(&mut self, ctx: &Context) {
-        if let Some(read) = self.daylight.reading.take()
-            && std::mem::take(&mut self.daylight.is_wanted)
-        {
-            self.take_sky(read.and_then(|read| read));
-        }
         self.take_made_sky(ctx);
+        // What is being made is made of the sky as it is, and is lost where that is another one.
+        if !self.daylight.making.is_busy() {
+            self.take_read_sky();
+        }
         self.play_day(ctx);
         self.make_sky();
         // From the first picture to the last it is one step.
@@ -287,7 +330,57 @@ fn read_sky(path: &Path) -> Read {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
+    use egui_kittest::Harness;
+
     use super::*;
+    use crate::app::Start;
+    use crate::session::Source;
+
+    fn write_map(path: &Path, width: usize) {
+        let pixels = vec![image::Rgb([1.0f32; 3]); width * width / 2];
+        let file = std::fs::File::create(path).unwrap();
+        image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, width, width / 2).unwrap();
+    }
+
+    #[test]
+    fn what_is_set_of_a_sky_while_its_map_is_read_again_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("day.hdr");
+        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
+        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
+        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let ctx = window.ctx.clone();
+        let app = window.state_mut();
+        let wait = |app: &mut App| {
+            for _ in 0..20_000 {
+                app.advance_daylight(&ctx);
+                if !app.daylight.reading.is_busy() {
+                    return;
+                }
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            panic!("no map came");
+        };
+        write_map(&path, 8);
+        let sun = |azimuth_deg: f64| Some(SunSetting::by_angles(azimuth_deg, 40.0));
+        app.look.lights.sky = Some(SkySetting { sun: sun(90.0), ..read_sky(&path).unwrap().0 });
+        write_map(&path, 16);
+        app.read_sky_again();
+        let set =
+            SkySetting { rotation_deg: 30.0, intensity: 0.5, sun: sun(200.0), ..app.look.lights.sky.clone().unwrap() };
+        app.look.lights.sky = Some(set.clone());
+        wait(app);
+        let now = app.look.lights.sky.clone().unwrap();
+        assert_eq!(now.map.as_ref().map(|map| map.width()), Some(16));
+        assert!(now == SkySetting { map: now.map.clone(), ..set });
+        // A sky of another file goes before the map, and so does none.
+        app.read_sky_again();
+        app.look.lights.sky = None;
+        wait(app);
+        assert!(app.look.lights.sky.is_none());
+    }
 
     #[test]
     fn the_lights_keep_room_beside_the_sky_in_every_window() {

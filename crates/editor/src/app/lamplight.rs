@@ -199,37 +199,20 @@ fn is_same_but_for_lamps(a: &LightRig, b: &LightRig) -> bool {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::camera::Film;
-    use clerestory_transport::import;
-    use clerestory_transport::lamps::{LampShape, LampUnit};
     use clerestory_transport::light::LightSetting;
     use clerestory_transport::patches::Patches;
-    use clerestory_transport::prepared::PreparedScene;
-    use glam::Vec3;
     use serde_json::json;
 
     use super::*;
-    use crate::session::lamps::StillLamps;
+    use crate::session::lamps::{StillLamps, tests};
 
     /// A small view of the room.
     fn view() -> LampView {
-        let scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
-        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
-        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 8, height: 6 });
-        LampView { scene, camera, film, patches: None, measures: false, device: None }
+        LampView { film: Film { width: 8, height: 6 }, measures: false, ..(*tests::view()).clone() }
     }
 
     fn lamp(key: &str, replaces: Option<&str>) -> FreeLamp {
-        FreeLamp {
-            key: key.into(),
-            shape: LampShape::Point,
-            position: Vec3::new(0.0, 0.2, -0.3),
-            aim: Vec3::ZERO,
-            strength: 100.0,
-            unit: LampUnit::Lumen,
-            setting: LightSetting::default(),
-            turn_rad: 0.0,
-            replaces: replaces.map(str::to_owned),
-        }
+        FreeLamp { replaces: replaces.map(str::to_owned), ..tests::lamp(key, 0.0) }
     }
 
     #[test]

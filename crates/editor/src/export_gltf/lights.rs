@@ -37,7 +37,7 @@ pub(super) fn write(document: &mut Document, scene: &PreparedScene, rig: &LightR
         let (now, file) = (if is_off { on } else { as_set }, Vec3::from(plain[first]));
         let (node, part) = match emitter {
             Emitter::Punctual(lamp) => {
-                let (node, most_cd) = (file_node(scene, lamp.node), muted::most_cd(scene, lamp));
+                let (node, most_cd) = (file_node(scene, lamp.node), muted::most_cd(document, scene, lamp)?);
                 write_lamp(document, &mut shared, node, most_cd.map(|_| source.strength), now)?;
                 (node, Part::Lamp(most_cd))
             }
@@ -132,14 +132,12 @@ fn write_lamp(
     let mut lamp = lamp_idx.map(|idx| document.item(LAMPS, idx)).transpose()?;
     let own_color: Vec3 = lamp.as_ref().and_then(|lamp| lamp.read::<[f32; 3]>("color")).map_or(Vec3::ONE, Vec3::from);
     if let Some(measured_cd) = measured_cd {
-        let mut instance =
-            node.read::<RawObject>("extensions").and_then(|all| all.read::<RawObject>(PROFILES)).unwrap_or_default();
-        let tint = instance.read::<[f32; 3]>("color").map_or(Vec3::ONE, Vec3::from);
-        let of_file = own_color * tint * measured_cd;
+        let mut instance = muted::instance_of(&node);
+        let of_file = own_color * muted::tint_of(&instance) * measured_cd;
         if is_same(now, of_file) {
             return Ok(());
         }
-        let multiplier: f32 = instance.read("multiplier").unwrap_or(1.0);
+        let multiplier = muted::multiplier_of(&instance);
         let same_color = factor(now, of_file);
         instance.set("multiplier", &(multiplier * same_color.unwrap_or_else(|| now.max_element() / measured_cd)));
         let color = same_color.is_none().then(|| color_and_strength(now).0);

@@ -1,7 +1,9 @@
 //! Lights that are off: dark in the file for whoever reads it, with what they are when they are on in the extras of their node.
 
 use anyhow::Result;
+use clerestory_transport::import::SUBSTITUTE_CD;
 use clerestory_transport::light::{LightRig, LightSetting, MutedLight, MutedLights};
+use clerestory_transport::photometry::PhotometricProfile;
 use clerestory_transport::scene::{PunctualLight, Scene};
 use glam::Vec3;
 
@@ -41,16 +43,20 @@ fn on_or_one(intensity: f32) -> f32 {
     if intensity > 0.0 { intensity } else { 1.0 }
 }
 
-/// What the distribution of a lamp sends at most, candela; none where it is not a measured one.
-pub(super) fn most_cd(scene: &Scene, lamp: &PunctualLight) -> Option<f32> {
-    lamp.profile.and_then(|profile| scene.profiles.get(profile as usize)).map(|profile| profile.max_candela())
+/// What the distribution of a lamp sends at most, candela, or what stands in for one that cannot be had and has no plain lamp beside it;
+/// none where it is not a measured one.
+pub(super) fn most_cd(document: &mut Document, scene: &Scene, lamp: &PunctualLight) -> Result<Option<f32>> {
+    let node = document.item("nodes", file_node(scene, lamp.node))?;
+    let substitute = lamp_of(&node).is_none().then_some(SUBSTITUTE_CD);
+    let profile = lamp.profile.and_then(|profile| scene.profiles.get(profile as usize));
+    Ok(profile.map(PhotometricProfile::max_candela).or(substitute))
 }
 
 /// Turns on what the file itself has off, so that all lights can be written alike.
 pub(super) fn switch_on(document: &mut Document, shared: &mut Shared, scene: &Scene) -> Result<()> {
     for &node in &scene.muted_lamps {
         let Ok(lamp_idx) = scene.punctual.binary_search_by_key(&node, |lamp| lamp.node) else { continue };
-        let (node_idx, most_cd) = (file_node(scene, node), most_cd(scene, &scene.punctual[lamp_idx]));
+        let (node_idx, most_cd) = (file_node(scene, node), most_cd(document, scene, &scene.punctual[lamp_idx])?);
         let kept = take_kept(document, node_idx, Part::Lamp(most_cd))?;
         if let Some(light) = kept.lamp {
             let plain_cd = kept.plain_cd.filter(|cd| cd.is_finite() && *cd >= 0.0);
@@ -84,8 +90,7 @@ fn darken_lamp(document: &mut Document, shared: &mut Shared, node_idx: usize, mo
     let kept = match most_cd {
         Some(most_cd) => {
             let instance = instance_of(&node);
-            let multiplier = instance.read::<f32>("multiplier").unwrap_or(1.0);
-            MutedLight { color: color * color_of(&instance), strength: most_cd * multiplier }
+            MutedLight { color: color * tint_of(&instance), strength: most_cd * multiplier_of(&instance) }
         }
         None => MutedLight { color, strength: plain.read("intensity").unwrap_or(1.0) },
     };
@@ -128,7 +133,7 @@ fn set_lamp(
         let mut instance = instance_of(&node);
         instance.set("multiplier", &(light.strength / most_cd.max(f32::MIN_POSITIVE)));
         let plain_color = lamp.as_ref().map_or(Vec3::ONE, color_of);
-        if plain_color * color_of(&instance) != light.color {
+        if plain_color * tint_of(&instance) != light.color {
             set_color(&mut instance, light.color);
             lamp.iter_mut().for_each(|lamp| set_color(lamp, Vec3::ONE));
         }
@@ -145,8 +150,19 @@ fn set_lamp(
     Ok(())
 }
 
-fn instance_of(node: &RawObject) -> RawObject {
+/// How a node has its measured distribution.
+pub(super) fn instance_of(node: &RawObject) -> RawObject {
     node.read::<RawObject>("extensions").and_then(|all| all.read(PROFILES)).unwrap_or_default()
+}
+
+/// What multiplies a measured distribution: 1 where that is out of range, as it is read.
+pub(super) fn multiplier_of(instance: &RawObject) -> f32 {
+    instance.read::<f32>("multiplier").filter(|by| by.is_finite() && *by >= 0.0).unwrap_or(1.0)
+}
+
+/// The color of a measured distribution, within the range in which it is read.
+pub(super) fn tint_of(instance: &RawObject) -> Vec3 {
+    color_of(instance).clamp(Vec3::ZERO, Vec3::ONE)
 }
 
 fn color_of(lamp: &RawObject) -> Vec3 {

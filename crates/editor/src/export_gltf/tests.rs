@@ -8,6 +8,7 @@ use clerestory_transport::light::{LightGroup, LightRig, LightSetting, PanelSpot}
 use clerestory_transport::scene::PunctualKind;
 use glam::Vec3;
 use serde_json::{Value, json};
+use tempfile::TempDir;
 
 use super::*;
 
@@ -446,6 +447,36 @@ fn the_plain_lamp_beside_a_measured_one_follows_it_and_comes_back_from_the_dark(
     assert_eq!(color, json!([0.0, 0.5, 1.0]));
 }
 
+#[test]
+fn a_measured_lamp_without_its_file_or_with_numbers_out_of_range_is_written_as_it_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, out, lit] = ["in.gltf", "out.gltf", "lit.gltf"].map(|name| folder.path().join(name));
+    let ies = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
+    std::fs::write(folder.path().join("x.ies"), ies).unwrap();
+    let out_of_range = json!({ "light": 0, "multiplier": -1, "color": [1.0, 0.5, 2.0] });
+    for (uri, instance) in [("absent.ies", json!({ "light": 0, "multiplier": 0.5 })), ("x.ies", out_of_range)] {
+        let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
+        gltf["extensions"]["EXT_lights_ies"] = json!({ "lights": [{ "uri": uri }] });
+        gltf["extensionsUsed"] = json!(["KHR_lights_punctual", "EXT_lights_ies"]);
+        gltf["nodes"][1]["extensions"] = json!({ "EXT_lights_ies": instance });
+        std::fs::write(&file, gltf.to_string()).unwrap();
+        let scene = open(&file);
+        let write = |of: &Path, setting: LightSetting, to: &Path| {
+            let mut look = Look::default();
+            look.lights.lights.insert("lamp".into(), setting);
+            assert_eq!(save(of, &open(of), &look, to), Vec::<String>::new());
+            assert_same_light(&scene, &look, &open(to));
+        };
+        let on = LightSetting::default();
+        write(&file, LightSetting { intensity: 0.25, ..on }, &out);
+        write(&file, LightSetting { color: Some([0.2, 1.0, 0.4]), ..on }, &out);
+        write(&file, LightSetting { muted: true, ..on }, &out);
+        let dark = parts(&out).0["nodes"][1]["extensions"]["EXT_lights_ies"]["multiplier"].as_f64();
+        assert_eq!(dark, Some(0.0), "others find it dark");
+        write(&out, on, &lit);
+    }
+}
+
 /// Holds the lights of a file against the free lamps that they were.
 #[track_caller]
 fn hold_free_lamps(look: &Look, again: &PreparedScene, muted: bool) {
@@ -480,16 +511,22 @@ fn hold_free_lamps(look: &Look, again: &PreparedScene, muted: bool) {
     }
 }
 
+/// A folder of one that holds `data/a b.bin` and an empty one.
+fn two_folders() -> (TempDir, [PathBuf; 2]) {
+    let folder = tempfile::tempdir().unwrap();
+    let [from, to] = ["from", "to"].map(|name| folder.path().join(name));
+    std::fs::create_dir_all(from.join("data")).unwrap();
+    std::fs::write(from.join("data/a b.bin"), b"abc").unwrap();
+    std::fs::create_dir(&to).unwrap();
+    (folder, [from, to])
+}
+
 #[test]
 fn what_a_gltf_refers_to_comes_along_and_nothing_else_is_overwritten() {
-    let folder = tempfile::tempdir().unwrap();
-    let (from, to) = (folder.path().join("from"), folder.path().join("to"));
-    std::fs::create_dir_all(from.join("data")).unwrap();
-    std::fs::create_dir(&to).unwrap();
+    let (_folder, [from, to]) = two_folders();
     let file = from.join("in.gltf");
     std::fs::write(&file, r#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": "data/a%20b.bin"}]}"#)
         .unwrap();
-    std::fs::write(from.join("data/a b.bin"), b"abc").unwrap();
     let write = |out: &Path| {
         let bytes = std::fs::read(&file).unwrap();
         let document = Document::parse(&bytes).unwrap();
@@ -505,11 +542,7 @@ fn what_a_gltf_refers_to_comes_along_and_nothing_else_is_overwritten() {
 
 #[test]
 fn what_a_gltf_names_as_windows_does_comes_along() {
-    let folder = tempfile::tempdir().unwrap();
-    let (from, to) = (folder.path().join("from"), folder.path().join("to"));
-    std::fs::create_dir_all(from.join("data")).unwrap();
-    std::fs::create_dir(&to).unwrap();
-    std::fs::write(from.join("data/a b.bin"), b"abc").unwrap();
+    let (_folder, [from, to]) = two_folders();
     let bytes = br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": "Data\\A%20b.bin"}]}"#;
     let (source, document) = (Container::split(bytes).unwrap(), Document::parse(bytes).unwrap());
     container::save(&source, document, Kind::Gltf, Some(&from), &to.join("out.gltf")).unwrap();

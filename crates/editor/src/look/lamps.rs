@@ -299,6 +299,7 @@ mod tests {
 
     use super::*;
     use crate::look::Look;
+    use crate::look::fade::fade;
 
     fn lamp(key: &str, shape: LampShape) -> FreeLamp {
         let position = Vec3::new(1.5, 2.25, -0.1);
@@ -441,6 +442,28 @@ mod tests {
         assert_eq!(Look::from_json(&look.to_json()).unwrap().0.lights.lamps.len(), n_lamps);
         look.lights.lamps.push(lamp("One more", LampShape::Point));
         assert!(!look.has_room_for_lamps(0) && Look::from_json(&look.to_json()).is_err());
+    }
+
+    #[test]
+    fn a_cross_fade_of_more_lamps_than_a_file_holds_is_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.look");
+        let [from, to] = ["From", "To"].map(|stem| {
+            let mut look = Look::default();
+            let name = |idx| format!("{stem} {idx}");
+            look.lights.lamps.extend((0..MAX_LAMPS / 2 + 1).map(|idx| lamp(&name(idx), LampShape::Point)));
+            look
+        });
+        let mut mixed = fade(&from, &to, 0.5, None);
+        assert!(mixed.lights.lamps.len() > MAX_LAMPS);
+        let said = |look: &Look| look.save(&path).unwrap_err().to_string();
+        assert!(said(&mixed).contains("holds 1000 at most") && !path.exists());
+        mixed.keep("Between");
+        mixed.lights = from.lights;
+        assert!(said(&mixed).contains("1002 lamps in one look"), "one that was kept counts, too");
+        mixed.delete(0);
+        mixed.save(&path).unwrap();
+        assert_eq!(Look::load(&path).unwrap().0.lights.lamps.len(), MAX_LAMPS / 2 + 1);
     }
 
     #[test]

@@ -231,4 +231,4 @@ fn work_on(bench: &mut Option<Bench>, order: Option<LampOrder>, mailbox: &LampMa
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

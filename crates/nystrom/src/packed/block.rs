@@ -61,8 +61,9 @@ impl RoundedBlock<'_> {
         let block_idx = self.block_idx;
         out.number(table(Of::Samples), self.factors.n_samples);
         for error in [self.error.truncation, self.error.sampling, self.error.noise] {
-            // A number beyond the greatest of `bf16` would be told as infinite.
-            let error = error.clamp(bf16::MIN.to_f32(), bf16::MAX.to_f32());
+            // A number beyond the greatest of `bf16` would be infinite, and what is no number would not be read again.
+            let greatest = bf16::MAX.to_f32();
+            let error = if error.is_nan() { greatest } else { error.clamp(-greatest, greatest) };
             out.bits(u32::from(bf16::from_f32(error).to_bits()), 16);
         }
         out.number(table(Of::Rank), self.components.len() as u32);
@@ -129,14 +130,15 @@ fn column_runs(layout: &Layout, component: usize) -> impl Iterator<Item = Place>
     })
 }
 
-/// The rank that a block says it has; `None` where no honest block has it.
+/// The rank that a block says it has, with what is told before it; `None` where no honest block has them.
 pub(super) fn read_rank(block_idx: usize, layout: &Layout, input: &mut Decoder<'_>) -> Option<(BlockFactors, u32)> {
     let mut factors = BlockFactors { n_samples: input.number(table(Of::Samples)), ..BlockFactors::default() };
     let [truncation, sampling, noise] = [(); 3].map(|()| bf16::from_bits(input.bits(16) as u16).to_f32());
     factors.error = BlockError { truncation, sampling, noise };
     let rank = input.number(table(Of::Rank));
     let most = layout.n_rows(block_idx).min(layout.n_cols());
-    (rank as usize <= most && !input.is_lost()).then_some((factors, rank))
+    let is_honest = rank as usize <= most && factors.error.is_finite();
+    (is_honest && !input.is_lost()).then_some((factors, rank))
 }
 
 /// A block as it was read.
@@ -201,4 +203,35 @@ pub(super) fn read(
         kept.restore(&mut plain, direction, block_idx, layout);
     }
     Some(Parts { about, components, plain, sparse })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        packed::{ColumnRun, coder::Encoder, tables::Tables},
+        partition::Partition,
+    };
+
+    #[test]
+    fn errors_that_are_no_numbers_are_of_no_encoder() {
+        let layout = Layout::new(Partition { width: 2, height: 2, tile: 2 }, 1, vec![ColumnRun::List(1)]);
+        let tables = Tables::from_counts(&[[1; 16]; N_TABLES]);
+        let is_read = |errors: [f32; 3]| {
+            let mut out = Encoder::new(&tables);
+            out.number(table(Of::Samples), 64);
+            errors.into_iter().for_each(|error| out.bits(u32::from(bf16::from_f32(error).to_bits()), 16));
+            out.number(table(Of::Rank), 0);
+            let bytes = out.finish();
+            read_rank(0, &layout, &mut Decoder::new(&tables, &bytes)).is_some()
+        };
+        assert!(is_read([-1e-9, 0.5, 2.0]), "what is left out may seem less than nothing");
+        for error in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for nth in 0..3 {
+                let mut errors = [0.5; 3];
+                errors[nth] = error;
+                assert!(!is_read(errors), "{errors:?}");
+            }
+        }
+    }
 }

@@ -236,9 +236,10 @@ fn a_lone_block_among_thousands_whose_components_are_zero_keeps_its_own() {
 fn errors_beyond_every_number_are_told_as_the_greatest() {
     let mut matrix = example(0.0);
     let factors = Arc::make_mut(matrix.blocks[0].as_mut().unwrap());
-    factors.error = BlockError { truncation: 0.0, sampling: f32::MAX, noise: f32::MIN };
+    factors.error = BlockError { truncation: f32::NAN, sampling: f32::MAX, noise: f32::MIN };
     let unpacked = PackedMatrix::pack(&matrix, &plan(1e-3)).unpack().unwrap();
     let told = unpacked.blocks[0].as_ref().unwrap().error;
+    assert!(told.truncation > 3.3e38 && told.truncation.is_finite(), "{told:?}");
     assert!(told.sampling > 3.3e38 && told.sampling.is_finite(), "{told:?}");
     assert!(told.noise < -3.3e38 && told.noise.is_finite(), "{told:?}");
 }

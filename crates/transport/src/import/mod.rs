@@ -66,7 +66,7 @@ use variants::Variant;
 
 pub use environment::{decode_sky, load_sky};
 pub use openexr::{ExrPicture, read_exr};
-pub use profiles::read_profile;
+pub use profiles::{SUBSTITUTE_CD, read_profile};
 pub use report::ImportReport;
 pub use uri::named_file;
 

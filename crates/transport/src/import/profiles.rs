@@ -18,7 +18,7 @@ use crate::photometry::PhotometricProfile;
 use crate::scene::{PunctualKind, PunctualLight};
 
 /// Intensity of a lamp whose profile cannot be read, candela: about that of a light bulb.
-const SUBSTITUTE_CD: f32 = 100.0;
+pub const SUBSTITUTE_CD: f32 = 100.0;
 
 /// Longest photometric file that is read, bytes; the largest ones of makers have a few hundred kilobytes.
 const MOST_BYTES: u64 = 32 << 20;

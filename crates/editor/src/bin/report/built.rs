@@ -62,7 +62,8 @@ mod tests {
 
     #[test]
     fn a_program_is_told_from_one_of_other_sources() {
-        let root = std::env::temp_dir().join(format!("clerestory-built-{}", std::process::id()));
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
         let write = |path: &str, words: &str| {
             let path = root.join(path);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -72,14 +73,13 @@ mod tests {
         for path in ["Cargo.lock", "Cargo.toml", "crates/editor/src/lib.rs", &own] {
             write(path, "one");
         }
-        let hash = sources::hash(&root, &sources::files(&root).unwrap()).unwrap();
+        let hash = sources::hash(root, &sources::files(root).unwrap()).unwrap();
         let written = fs::metadata(root.join(&own)).unwrap().modified().unwrap();
-        let is_built = |program: SystemTime| is_built_from(&root, &hash, program).unwrap();
+        let is_built = |program: SystemTime| is_built_from(root, &hash, program).unwrap();
         assert!(is_built(written), "as built");
         assert!(!is_built(written - Duration::from_secs(1)), "the report was written anew since");
         write("crates/editor/src/lib.rs", "another");
         assert!(!is_built(written + Duration::from_secs(1)), "the library was");
-        fs::remove_dir_all(&root).unwrap();
     }
 
     #[test]

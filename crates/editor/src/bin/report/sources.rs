@@ -54,13 +54,14 @@ mod tests {
 
     #[test]
     fn sources_of_libraries_count_and_those_of_tests_and_binaries_do_not() {
-        let root = std::env::temp_dir().join(format!("clerestory-sources-{}", std::process::id()));
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
         let write = |path: &str, words: &str| {
             let path = root.join(path);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
             fs::write(path, words).unwrap();
         };
-        let now = || hash(&root, &files(&root).unwrap()).unwrap();
+        let now = || hash(root, &files(root).unwrap()).unwrap();
         for path in ["Cargo.lock", "Cargo.toml", "crates/a/Cargo.toml", "crates/a/src/lib.rs"] {
             write(path, "one");
         }
@@ -78,6 +79,5 @@ mod tests {
         let before = now();
         fs::rename(root.join("crates/a/src/path/glass.rs"), root.join("crates/a/src/path/slabs.rs")).unwrap();
         assert_ne!(now(), before, "names count");
-        fs::remove_dir_all(&root).unwrap();
     }
 }

@@ -16,7 +16,7 @@ fn room() -> Scene {
     import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene
 }
 
-pub(super) fn view() -> Arc<LampView> {
+pub(crate) fn view() -> Arc<LampView> {
     view_of(room())
 }
 
@@ -32,7 +32,7 @@ fn points(view: &LampView, samples: u32, seed: u64) -> VisiblePoints {
     VisiblePoints::new(&view.scene, &view.camera, view.film, config, &|| false).unwrap()
 }
 
-pub(super) fn lamp(key: &str, x: f32) -> FreeLamp {
+pub(crate) fn lamp(key: &str, x: f32) -> FreeLamp {
     let position = Vec3::new(x, 0.2, -0.3);
     let (shape, setting) = (LampShape::Sphere { radius_m: 0.1 }, LightSetting::default());
     let (strength, unit) = (100.0, LampUnit::Lumen);
