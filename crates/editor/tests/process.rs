@@ -622,6 +622,46 @@ fn what_is_wished_in_a_look_is_solved_where_nothing_else_is_named() {
 }
 
 #[test]
+fn no_output_takes_the_place_of_a_file_that_the_scene_or_the_wishes_name() {
+    let folder = desk();
+    let path = |name: &str| folder.path().join(name);
+    let files = ["wood.png", "wood.exr", "wood.transport", "wood.glb", "wood.csv", "wood.look", "wood_1.png"];
+    let mut scene: serde_json::Value = serde_json::from_str(ROOM).unwrap();
+    scene["images"] = files.iter().map(|file| serde_json::json!({"uri": file})).collect();
+    std::fs::write(path("named.gltf"), scene.to_string()).unwrap();
+    files.iter().for_each(|file| std::fs::write(path(file), "grain").unwrap());
+    let shots = r#"{"clerestory": 1, "looks": [{"name": "Day"}],
+        "timeline": {"fps": 4, "keys": [{"time": 0, "look": "Day"}, {"time": 1, "look": "Day"}]}}"#;
+    std::fs::write(path("shots.look"), shots).unwrap();
+    std::fs::write(path("w.json"), r#"{"wishes": [{"match": "goal.exr"}]}"#).unwrap();
+    std::fs::write(path("goal.exr"), "grain").unwrap();
+    succeeds(folder.path(), "bake room.gltf --size 32x24 --spp 4 --work-plane 0.5:0.4 -o room.transport");
+    let relight = "relight room.transport --device cpu --scene named.gltf";
+    for line in [
+        "bake named.gltf -o wood.transport --size 8x6 --spp 1",
+        "render named.gltf -o wood.exr --size 8x6 --spp 1",
+        "trace named.gltf -o wood.png --size 8x6 --spp 1",
+        &format!("{relight} -o ./wood.png"),
+        &format!("{relight} --contact-sheet shots.look -o wood.png"),
+        &format!("{relight} --look shots.look -o wood_#.png"),
+        "export-gltf named.gltf -o wood.glb",
+        "schedule named.gltf -o wood.csv",
+        "sensors room.transport --scene named.gltf -o wood.csv",
+        "solve room.transport --scene named.gltf --wishes w.json -o wood.look",
+        "solve room.transport --wishes w.json -o goal.exr",
+    ] {
+        let output = run(folder.path(), line);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let what = if line.contains("goal") { "picture" } else { "file of the scene" };
+        assert_eq!(output.status.code(), Some(1), "{line}: {said}");
+        assert!(said.contains(&format!("would overwrite the {what}")), "{line}: {said}");
+    }
+    for file in files.iter().chain(&["goal.exr"]) {
+        assert_eq!(std::fs::read(path(file)).unwrap(), b"grain", "{file}");
+    }
+}
+
+#[test]
 fn what_is_solved_takes_the_place_of_no_file_that_its_look_names() {
     let folder = desk();
     let looks = folder.path().join("looks");

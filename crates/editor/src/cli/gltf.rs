@@ -13,10 +13,9 @@ use serde_json::json;
 use super::args::{OutputArgs, parse_panel};
 use super::console::{Answer, Console};
 use super::looks::LookChoice;
-use super::view::{load_look, load_scene, or_of_file, panels, spare_look, warn_of_unknown_lights};
+use super::view::{load_look, load_scene, or_of_file, panels, spare_look, spare_scene, warn_of_unknown_lights};
 use crate::export_gltf::Lit;
 use crate::look::lamps::resolve;
-use crate::output::spare_inputs;
 
 /// `clerestory export-gltf`.
 #[derive(Debug, Args)]
@@ -44,7 +43,7 @@ pub struct ExportGltfArgs {
 }
 
 pub(super) fn export_gltf(args: &ExportGltfArgs, console: &mut Console) -> Result<Answer> {
-    spare_inputs(&args.output, [("scene", args.scene.as_path())])?;
+    spare_scene(&args.output, &args.scene)?;
     let document = load_look(args.look.as_deref(), console)?;
     spare_look(&args.output, args.look.as_deref(), &document)?;
     let mut scene = load_scene(&args.scene, &Choice::default(), console)?.scene;

@@ -18,8 +18,8 @@ use super::interrupt::discarded;
 use super::lamps::{self, Arriving, DIRECT_LUX, LampLight};
 use super::sequence::sequence;
 use super::view::{
-    inputs_of, load_bake, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_black, warn_of_no_sky,
-    warn_of_unknown_lights,
+    inputs_of, load_bake, load_look, open_view, or_of_file, requested_sky, spare_look, spare_scene, warn_of_black,
+    warn_of_no_sky, warn_of_unknown_lights,
 };
 use super::{picture, sheet::sheet};
 use crate::export::layers::LayerSet;
@@ -34,6 +34,7 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
         return sequence(args, console);
     }
     spare_inputs(&args.options.output, [("transport", args.transport.as_path())])?;
+    args.scene.iter().try_for_each(|scene| spare_scene(&args.options.output, scene))?;
     if !args.contact_sheet.is_empty() {
         return sheet(args, console);
     }
@@ -50,8 +51,8 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
 }
 
 pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer> {
-    let scene = [("scene", args.scene.as_path())];
-    spare_inputs(&args.relight.output, scene.into_iter().chain(inputs_of(&args.bake.view)))?;
+    spare_scene(&args.relight.output, &args.scene)?;
+    spare_inputs(&args.relight.output, inputs_of(&args.bake.view))?;
     let interrupt = console.interrupt.heeded()?;
     let mut target = Target::new(&args.relight, console)?;
     let kept = || discarded(&target.place);

@@ -77,15 +77,36 @@ pub(super) fn inputs_of(args: &ViewArgs) -> impl Iterator<Item = (&'static str, 
     sky.map(|file| ("sky", Path::new(file))).into_iter().chain(measured)
 }
 
+/// Refuses an output that would overwrite a scene or a file that it names.
+pub(crate) fn spare_scene(output: &Path, scene: &Path) -> Result<()> {
+    spare_inputs(output, [("scene", scene)])?;
+    // Where nothing is, nothing is overwritten, and the scene need not be read for that.
+    if !output.exists() {
+        return Ok(());
+    }
+    spare_files(output, &files_of_scene(scene))
+}
+
+/// The files that a scene names, and what they are called.
+pub(super) fn files_of_scene(scene: &Path) -> Vec<(&'static str, PathBuf)> {
+    import::named_files(scene).into_iter().map(|file| ("file of the scene", file)).collect()
+}
+
 /// Refuses an output that would overwrite a look or a file that it names.
 pub(crate) fn spare_look(output: &Path, path: Option<&Path>, look: &Look) -> Result<()> {
     let Some(path) = path else { return Ok(()) };
     spare_inputs(output, [("look", path)])?;
-    spare_named(output, path.parent().unwrap_or(Path::new("")), look)
+    spare_files(output, &files_of_look(Some(path), look))
 }
 
-/// The same of the files alone that a look in `folder` names: its skies, and what its lamps are measured by.
-pub(super) fn spare_named(output: &Path, folder: &Path, look: &Look) -> Result<()> {
+/// Refuses an output that would overwrite one of some files.
+pub(super) fn spare_files(output: &Path, files: &[(&'static str, PathBuf)]) -> Result<()> {
+    spare_inputs(output, files.iter().map(|(what, file)| (*what, file.as_path())))
+}
+
+/// The files that a look names, and what they are called: its skies, and what its lamps are measured by.
+pub(super) fn files_of_look(path: Option<&Path>, look: &Look) -> Vec<(&'static str, PathBuf)> {
+    let folder = path.and_then(Path::parent).unwrap_or(Path::new(""));
     let skies = look.rigs().filter_map(|rig| rig.sky.as_ref()?.file.as_deref());
     let skies = skies.map(|file| ("sky", folder.join(file)));
     let lamps = look.rigs().flat_map(|rig| &rig.lamps);
@@ -93,8 +114,7 @@ pub(super) fn spare_named(output: &Path, folder: &Path, look: &Look) -> Result<(
         LampShape::Profile { file } => Some(("measured distribution", folder.join(file))),
         _ => None,
     });
-    let named: Vec<(&'static str, PathBuf)> = skies.chain(profiles).collect();
-    spare_inputs(output, named.iter().map(|(what, file)| (*what, file.as_path())))
+    skies.chain(profiles).collect()
 }
 
 /// Opens a scene for tracing under a sky, if any.
