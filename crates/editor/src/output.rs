@@ -63,13 +63,6 @@ fn unwritten(path: &str, error: anyhow::Error) -> anyhow::Error {
     error.context(format!("cannot write {path}{remedy}"))
 }
 
-impl PendingFile {
-    /// Takes the temporary file away where the process ends without dropping anything.
-    pub fn discard(&self) {
-        let _ = fs::remove_file(&self.temporary);
-    }
-}
-
 impl Drop for PendingFile {
     fn drop(&mut self) {
         // After a rename there is nothing left under this name; before it there is nothing worth keeping.

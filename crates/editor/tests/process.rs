@@ -322,6 +322,33 @@ fn an_interrupted_render_or_trace_leaves_nothing_behind() {
     assert_eq!(names_in(folder.path()), ["room.gltf"]);
 }
 
+#[cfg(unix)]
+#[test]
+fn an_interrupted_relight_leaves_nothing_behind() {
+    let folder = desk();
+    succeeds(folder.path(), "bake room.gltf --size 64x48 --spp 4 -o room.transport");
+    let lit =
+        r#"{"clerestory": 1, "lamps": [{"key": "bulb", "type": "point", "position": [0, 0.2, 0], "strength": 40}]}"#;
+    std::fs::write(folder.path().join("lit.look"), lit).unwrap();
+    let before = names_in(folder.path());
+    for (name, code) in [("-INT", 130), ("-TERM", 143)] {
+        let line =
+            "relight room.transport --look lit.look --scene room.gltf --lamp-samples 65536 --device cpu -o a.png";
+        let child = clerestory(folder.path()).args(line.split(' ')).stderr(Stdio::piped()).spawn().unwrap();
+        let deadline = Instant::now() + Duration::from_secs(60);
+        while names_in(folder.path()).len() == before.len() {
+            assert!(Instant::now() < deadline, "nothing was begun in a minute");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        signal(&child, name);
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(code), "{name}: {said}");
+        assert!(said.ends_with("stopped: nothing was written\n"), "{name}: {said}");
+        assert_eq!(names_in(folder.path()), before, "{name}");
+    }
+}
+
 #[test]
 fn two_bakes_to_one_file_do_not_disturb_each_other() {
     let folder = desk();

@@ -30,7 +30,7 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     spare_inputs(&args.output, inputs_of(&args.view))?;
     let interrupt = console.interrupt.heeded()?;
     let place = PendingFile::create(&args.output)?;
-    let kept = || discarded(&place);
+    let kept = || discarded(&args.output);
     let document = load_look(args.look.as_deref(), console)?;
     spare_look(&args.output, args.look.as_deref(), &document)?;
     let look = args.choice.of(&document, None)?;
@@ -66,8 +66,9 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
 
     let radiance = Radiance { width: view.film.width, height: view.film.height, pixels };
     warn_of_black("the picture is", &radiance, (&view.scene.lighting.basis, &rig), console);
-    let shown = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look, units: Units::Photometric }
-        .write(place, format, &options)?;
+    let picture =
+        Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look, units: Units::Photometric };
+    let shown = interrupt.watched(&ProgressBar::hidden(), &kept, || picture.write(place, format, &options))?;
     let output = args.output.display().to_string();
     let words = format!(
         "{output}: {}×{} at {} spp in {}",
