@@ -322,6 +322,18 @@ fn an_interrupted_render_or_trace_leaves_nothing_behind() {
     assert_eq!(names_in(folder.path()), ["room.gltf"]);
 }
 
+#[test]
+fn no_command_writes_to_stdout_or_to_a_file_of_that_sign() {
+    let folder = desk();
+    for line in ["bake room.gltf -o - --size 8x6 --spp 1", "schedule room.gltf -o -"] {
+        let output = run(folder.path(), line);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{line}: {said}");
+        assert!(said.contains("cannot write to stdout"), "{line}: {said}");
+        assert_eq!(names_in(folder.path()), ["room.gltf"], "{line}");
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupted_relight_leaves_nothing_behind() {
