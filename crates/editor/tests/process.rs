@@ -323,6 +323,27 @@ fn an_interrupted_render_or_trace_leaves_nothing_behind() {
 }
 
 #[test]
+fn options_that_have_nothing_to_do_are_not_passed_over() {
+    let folder = desk();
+    for (line, words) in [
+        ("info . --variant a", "--variant is for scenes"),
+        ("info . --block-errors --json", "--block-errors is for transports"),
+        ("relight room.transport -o a.exr --layers none,lights", "`none` or others"),
+    ] {
+        let output = run(folder.path(), line);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{line}: {said}");
+        assert!(said.contains(words), "{line}: {said}");
+    }
+    let mut dark: serde_json::Value = serde_json::from_str(ROOM).unwrap();
+    dark["nodes"][1].as_object_mut().unwrap().remove("extensions");
+    std::fs::write(folder.path().join("dark.gltf"), dark.to_string()).unwrap();
+    let output = run(folder.path(), "export-gltf dark.gltf --unitless -o lit.glb");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("--unitless changes nothing"), "{said}");
+}
+
+#[test]
 fn no_command_writes_to_stdout_or_to_a_file_of_that_sign() {
     let folder = desk();
     for line in ["bake room.gltf -o - --size 8x6 --spp 1", "schedule room.gltf -o -"] {

@@ -55,8 +55,8 @@ fn parse_fps(text: &str) -> Result<f32, String> {
     fps.map(|fps| fps as f32).ok_or_else(|| format!("write {} to {}", FPS.start(), FPS.end()))
 }
 
-/// Writes the frames.
-pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
+/// Refuses options that mean nothing to frames.
+fn refuse_others(args: &RelightArgs) -> Result<()> {
     let options = &args.options;
     if options.layers.iter().any(|layer| *layer != Layers::None) {
         bail!("frames hold no layers; leave out --layers, or relight one moment with --at");
@@ -65,6 +65,16 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     if choice.name.is_some() || choice.at.is_some() || choice.preset.is_some() {
         bail!("--name, --at and --preset light one picture; leave them out to write frames, or # in -o for one file");
     }
+    if args.lamp_samples != lamps::DEFAULT_SAMPLES {
+        bail!("--lamp-samples is for one picture or a sheet; leave it out to write frames, or # in -o for one file");
+    }
+    Ok(())
+}
+
+/// Writes the frames.
+pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
+    refuse_others(args)?;
+    let options = &args.options;
     let pattern = Pattern::new(&options.output)?;
     let mut look = load_look(options.look.as_deref(), console)?;
     let folder = options.look.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_path_buf();

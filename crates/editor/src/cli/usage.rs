@@ -24,6 +24,10 @@ pub(super) fn understand<T: Into<OsString> + Clone>(
 }
 
 fn fault(arguments: &Arguments) -> Option<(ErrorKind, String)> {
+    if matches!(&arguments.command, Some(Command::Render(args)) if args.bake.fresh) {
+        let sentence = "--fresh changes nothing of `render`, which keeps nothing of a bake; leave it out";
+        return Some((ErrorKind::ArgumentConflict, sentence.to_owned()));
+    }
     let panels = match &arguments.command {
         None => return neither_command_nor_file(arguments.scene.as_deref()?),
         Some(Command::Bake(args)) => &args.options.view.panels,
@@ -64,6 +68,23 @@ mod tests {
             assert!(understand(["clerestory", path]).is_ok(), "{path}");
         }
         assert!(understand(["clerestory"]).is_ok());
+    }
+
+    #[test]
+    fn options_that_would_be_passed_over_are_refused_with_what_they_are_at_odds_with() {
+        for (line, words) in [
+            ("render a.glb -o a.exr --fresh", ["--fresh", "render"]),
+            ("bake a.glb --estimate --fresh", ["--estimate", "--fresh"]),
+            ("bake a.glb -o a.transport --exact --no-denoise", ["--exact", "--no-denoise"]),
+            ("relight a.transport -o a.png --contact-sheet a.look --name Day", ["--contact-sheet", "--name"]),
+            ("relight a.transport -o a.png --contact-sheet a.look --at 1", ["--contact-sheet", "--at"]),
+            ("relight a.transport -o a.png --contact-sheet a.look --preset day", ["--contact-sheet", "--preset"]),
+            ("relight a.transport -o a_#.png --contact-sheet a.look --frames 0..1", ["--contact-sheet", "--frames"]),
+            ("relight a.transport -o a_#.png --contact-sheet a.look --fps 24", ["--contact-sheet", "--fps"]),
+        ] {
+            let said = refused(&format!("clerestory {line}"));
+            assert!(words.iter().all(|word| said.contains(word)), "{line}: {said}");
+        }
     }
 
     #[test]

@@ -11,7 +11,7 @@ use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::{Lighting, LightingError, PanelRequest, SkyRequest};
 use clerestory_transport::import::{self, Choice, Imported};
-use clerestory_transport::lamp_units::assume_unitless;
+use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::photometry::assign;
@@ -200,12 +200,23 @@ pub(super) fn panels(
     panels
 }
 
-/// What was asked for about the lamps of the file.
-fn change_lamps(scene: &mut Scene, args: &ViewArgs, console: &mut Console) -> Result<()> {
-    if args.is_unitless() && assume_unitless(scene) == 0 {
-        let what = if args.unitless { "--unitless" } else { "counting lamps in watts, as the look does," };
+/// Takes the numbers of lamps as watts where that was typed or the look does so.
+pub(super) fn count_in_watts(
+    scene: &mut Scene,
+    is_typed: bool,
+    units_of_look: Option<LampUnits>,
+    console: &mut Console,
+) {
+    let is_asked = is_typed || units_of_look == Some(LampUnits::Unitless);
+    if is_asked && assume_unitless(scene) == 0 {
+        let what = if is_typed { "--unitless" } else { "counting lamps in watts, as the look does," };
         console.warn(&format!("{what} changes nothing: no lamp of the scene counts in candela or lux of its own"));
     }
+}
+
+/// What was asked for about the lamps of the file.
+fn change_lamps(scene: &mut Scene, args: &ViewArgs, console: &mut Console) -> Result<()> {
+    count_in_watts(scene, args.unitless, args.of_look.units, console);
     let radius_rad = args.sun_size.map(|degrees| (0.5 * degrees).to_radians());
     if radius_rad.is_some_and(|radius_rad| scene.set_sun_radius(radius_rad) == 0) {
         console.warn("--sun-size changes nothing: no lamp of the scene is directional");

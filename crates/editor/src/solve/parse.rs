@@ -160,12 +160,18 @@ fn wish(entry: Entry, idx: usize, folder: &Path, of: &Surroundings) -> Result<Wi
 /// nit unless an exposure is given. A tone curve is taken off an encoded one.
 ///
 /// # Errors
-/// If it cannot be read.
+/// If it cannot be read, or has no curve to be taken off.
 pub fn picture(path: &Path, exposure_ev: Option<f64>, tone: Option<Tone>) -> Result<Target> {
     if let Some(ev) = exposure_ev {
         ensure!((-60.0..=60.0).contains(&ev), "`exposure` must be -60 to 60 EV");
     }
-    Ok(matching(Arc::new(TargetPicture::read(path)?), exposure_ev, tone))
+    let picture = TargetPicture::read(path)?;
+    ensure!(
+        tone.is_none() || picture.was_encoded(),
+        "`tone` changes nothing of {}: its numbers are linear, or it says how it was shown; leave it out",
+        path.display()
+    );
+    Ok(matching(Arc::new(picture), exposure_ev, tone))
 }
 
 /// The same of a picture that was read.
