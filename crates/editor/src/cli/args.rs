@@ -163,7 +163,8 @@ pub struct ViewArgs {
     /// of the light that they would return.
     #[arg(long)]
     pub no_energy_compensation: bool,
-    /// Sky: an equirectangular .hdr or .exr, `uniform`, or `sun:AZIMUTH,ELEVATION` in degrees.
+    /// Sky: an equirectangular .hdr or .exr, `uniform`, `sun:AZIMUTH,ELEVATION` in degrees, or
+    /// `sun:DATE,TIME,LATITUDE,LONGITUDE[,UTC_OFFSET[,NORTH]]` such as sun:2026-06-21,14:30,48.14,11.58,2.
     #[arg(long, value_name = "FILE|uniform|sun:AZ,EL", value_parser = crate::look::sky::typed, allow_hyphen_values = true)]
     pub sky: Option<SkySetting>,
     /// Leave out no work that a scene does not need, or not the work of these names: slower, and the same picture.
