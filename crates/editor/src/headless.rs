@@ -27,6 +27,7 @@ use crate::look::lamps::resolve;
 use crate::look::scene::SceneChoice;
 use crate::look::snapshot::Snapshot;
 use crate::look::{Look, Units, numbered_name};
+use crate::output::spare_inputs;
 use crate::platform::memory_bytes;
 use crate::session::Source;
 use crate::session::lamps::LampView;
@@ -211,10 +212,13 @@ fn images(folder: &Path, file: Option<&LookFile>, console: &mut Console) -> Resu
         );
     }
     let options = options();
-    let job = stack_job(&open_stack(folder, console)?, &options);
+    let stack = open_stack(folder, console)?;
+    let job = stack_job(&stack, &options);
     job.check_memory(memory_bytes())?;
     let (bake, times) = run_with_progress(console, &options, &nothing_kept, |on_event| job.run(on_event))?;
     let mut looks = of_file.unwrap_or_else(|| plain_looks(&bake.header.basis));
+    let pictures = || stack.images.iter().map(|image| ("picture", image.path.as_path()));
+    looks.iter().flat_map(|(name, _)| frame_places(name)).try_for_each(|place| spare_inputs(&place, pictures()))?;
     heed(&bake.header.basis, &mut looks, console);
     Ok(Baked { bake, times, options, looks, view: None })
 }

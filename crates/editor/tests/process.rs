@@ -722,6 +722,20 @@ fn no_output_takes_the_place_of_a_file_that_the_scene_or_the_wishes_name() {
 }
 
 #[test]
+fn frames_without_a_display_take_the_place_of_no_picture_that_they_are_made_of() {
+    let folder = desk();
+    let frames = folder.path().join("frames");
+    std::fs::create_dir(&frames).unwrap();
+    image::RgbImage::from_pixel(8, 6, image::Rgb([90, 80, 70])).save(frames.join("warm.png")).unwrap();
+    let before = std::fs::read(frames.join("warm.png")).unwrap();
+    let output = run(folder.path(), "./frames");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("would overwrite the picture"), "{said}");
+    assert_eq!(std::fs::read(frames.join("warm.png")).unwrap(), before);
+}
+
+#[test]
 fn what_is_solved_takes_the_place_of_no_file_that_its_look_names() {
     let folder = desk();
     let looks = folder.path().join("looks");
