@@ -7,7 +7,7 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 use clerestory_transport::emitters::PanelRequest;
 
-use super::args::{Arguments, Command};
+use super::args::{Arguments, BakeOptions, Command};
 
 /// Reads a command line, the program's name first.
 ///
@@ -24,19 +24,23 @@ pub(super) fn understand<T: Into<OsString> + Clone>(
 }
 
 fn fault(arguments: &Arguments) -> Option<(ErrorKind, String)> {
-    if matches!(&arguments.command, Some(Command::Render(args)) if args.bake.fresh) {
-        let sentence = "--fresh changes nothing of `render`, which keeps nothing of a bake; leave it out";
-        return Some((ErrorKind::ArgumentConflict, sentence.to_owned()));
-    }
-    let panels = match &arguments.command {
+    let (panels, passed_over) = match &arguments.command {
         None => return neither_command_nor_file(arguments.scene.as_deref()?),
-        Some(Command::Bake(args)) => &args.options.view.panels,
-        Some(Command::Render(args)) => &args.bake.view.panels,
-        Some(Command::Trace(args)) => &args.view.panels,
+        Some(Command::Bake(args)) => (&args.options.view.panels, None),
+        Some(Command::Render(args)) => (&args.bake.view.panels, of_kept_bakes(&args.bake)),
+        Some(Command::Trace(args)) => (&args.view.panels, None),
         Some(_) => return None,
     };
-    let node = asked_twice(panels)?;
-    Some((ErrorKind::ArgumentConflict, format!("--panel names `{node}` twice; ask for it once")))
+    let useless = passed_over
+        .map(|option| format!("{option} changes nothing of `render`, which keeps nothing of its bake; leave it out"));
+    let twice = || asked_twice(panels).map(|node| format!("--panel names `{node}` twice; ask for it once"));
+    Some((ErrorKind::ArgumentConflict, useless.or_else(twice)?))
+}
+
+/// An option that was typed and only means something to a bake that is kept: to start it over, or to move lamps afterwards.
+fn of_kept_bakes(options: &BakeOptions) -> Option<&'static str> {
+    let all = [("--fresh", options.fresh), ("--patches", options.patches > 0)];
+    all.into_iter().find_map(|(option, is_typed)| is_typed.then_some(option))
 }
 
 /// A single word that is no file is more likely a slip of the finger than a scene.
@@ -74,6 +78,7 @@ mod tests {
     fn options_that_would_be_passed_over_are_refused_with_what_they_are_at_odds_with() {
         for (line, words) in [
             ("render a.glb -o a.exr --fresh", ["--fresh", "render"]),
+            ("render a.glb -o a.exr --patches 64", ["--patches", "render"]),
             ("bake a.glb --estimate --fresh", ["--estimate", "--fresh"]),
             ("bake a.glb -o a.transport --exact --no-denoise", ["--exact", "--no-denoise"]),
             ("relight a.transport -o a.png --contact-sheet a.look --name Day", ["--contact-sheet", "--name"]),
