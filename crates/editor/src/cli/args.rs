@@ -42,7 +42,7 @@ pub struct Arguments {
     /// What the editor opens: a scene (.gltf, .glb), a .transport, a .look with the scene that was open last, or a folder with a
     /// picture for each light; the built-in gallery if left out.
     pub scene: Option<PathBuf>,
-    /// Print figures as one JSON object on stdout.
+    /// Without a display, print figures as one JSON object on stdout; a window prints none.
     #[arg(long)]
     pub json: bool,
 }
