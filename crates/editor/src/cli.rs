@@ -38,8 +38,8 @@ use crate::words::in_words;
 use args::{Arguments, Command, CompareArgs};
 pub use console::{Answer, Console};
 pub use interrupt::Interrupt;
-use interrupt::Stopped;
 pub(crate) use interrupt::nothing_kept;
+use interrupt::{Stopped, writing};
 
 /// Exit code of a failed command.
 const FAILED: u8 = 1;
@@ -85,11 +85,19 @@ fn dispatch(arguments: &Arguments, console: &mut Console) -> Result<()> {
         Command::Relight(args) => (relight::relight(args, console)?, args.answer.json),
         Command::Render(args) => (relight::render(args, console)?, args.answer.json),
         Command::Trace(args) => (trace::trace(args, console)?, args.answer.json),
-        Command::Sensors(args) => (sensors::sensors(args, console)?, args.answer.json),
-        Command::Schedule(args) => (schedule::run(args, console)?, args.answer.json),
-        Command::Solve(args) => (solve::run(args, console)?, args.answer.json),
+        Command::Sensors(args) => {
+            (writing(args.output.as_deref(), console, |console| sensors::sensors(args, console))?, args.answer.json)
+        }
+        Command::Schedule(args) => {
+            (writing(Some(&args.output), console, |console| schedule::run(args, console))?, args.answer.json)
+        }
+        Command::Solve(args) => {
+            (writing(Some(&args.output), console, |console| solve::run(args, console))?, args.answer.json)
+        }
         Command::Compare(args) => (compare_files(args)?, args.answer.json),
-        Command::ExportGltf(args) => (gltf::export_gltf(args, console)?, args.answer.json),
+        Command::ExportGltf(args) => {
+            (writing(Some(&args.output), console, |console| gltf::export_gltf(args, console))?, args.answer.json)
+        }
         Command::Cache(args) => (cache::cache(args)?, args.answer.json),
         Command::Info(args) => (info::info(args, console)?, args.answer.json),
     };

@@ -19,7 +19,7 @@ use crate::cli::args::{BakeOptions, ViewArgs};
 use crate::cli::bake::{BakeTimes, baked, job, merge, open_stack, run_with_progress, stack_job};
 use crate::cli::lamps::warn_of_lacking;
 use crate::cli::view::{
-    load_look, load_scene, prepare_view, requested_sky, spare_look, warn_of_black, warn_of_unknown_lights,
+    load_look, load_scene, prepare_view, requested_sky, spare_look, spare_scene, warn_of_black, warn_of_unknown_lights,
 };
 use crate::cli::{Answer, Console, nothing_kept};
 use crate::export::{ExportOptions, ImageFormat, Picture};
@@ -27,6 +27,7 @@ use crate::look::lamps::resolve;
 use crate::look::scene::SceneChoice;
 use crate::look::snapshot::Snapshot;
 use crate::look::{Look, Units, numbered_name};
+use crate::output::spare_inputs;
 use crate::platform::memory_bytes;
 use crate::session::Source;
 use crate::session::lamps::LampView;
@@ -183,6 +184,8 @@ fn scene_or_gallery(scene: Option<&Path>, name: &str, file: Option<&LookFile>, c
         (None, Some(_)) => plain_looks(basis),
         (None, None) => gallery_looks()?,
     };
+    let places = looks.iter().flat_map(|(name, _)| frame_places(name));
+    scene.iter().try_for_each(|scene| places.clone().try_for_each(|place| spare_scene(&place, scene)))?;
     heed(basis, &mut looks, console);
     let lamps = lamps_of(&looks);
     if !lamps.is_empty() {
@@ -209,10 +212,13 @@ fn images(folder: &Path, file: Option<&LookFile>, console: &mut Console) -> Resu
         );
     }
     let options = options();
-    let job = stack_job(&open_stack(folder, console)?, &options);
+    let stack = open_stack(folder, console)?;
+    let job = stack_job(&stack, &options);
     job.check_memory(memory_bytes())?;
     let (bake, times) = run_with_progress(console, &options, &nothing_kept, |on_event| job.run(on_event))?;
     let mut looks = of_file.unwrap_or_else(|| plain_looks(&bake.header.basis));
+    let pictures = || stack.images.iter().map(|image| ("picture", image.path.as_path()));
+    looks.iter().flat_map(|(name, _)| frame_places(name)).try_for_each(|place| spare_inputs(&place, pictures()))?;
     heed(&bake.header.basis, &mut looks, console);
     Ok(Baked { bake, times, options, looks, view: None })
 }

@@ -20,8 +20,11 @@ impl PendingFile {
     /// Reserves a place; what stands there stays until [`PendingFile::commit`].
     ///
     /// # Errors
-    /// If the folder is missing or not writable, or a folder stands in the way.
+    /// If the folder is missing or not writable, a folder stands in the way, or `-` is named, which elsewhere means stdout.
     pub fn create(path: &Path) -> Result<PendingFile> {
+        if path.as_os_str() == "-" {
+            bail!("cannot write to stdout, as - means elsewhere; name a file (./- for one that is called -)");
+        }
         if path.file_name().is_none() || ends_in_separator(path) {
             bail!("cannot write {}: it names no file; add a file name", path.display());
         }
@@ -61,13 +64,6 @@ fn unwritten(path: &str, error: anyhow::Error) -> anyhow::Error {
     let is_system = error.chain().any(|cause| cause.is::<std::io::Error>());
     let remedy = if is_system { ": check that there is room on the disk" } else { "" };
     error.context(format!("cannot write {path}{remedy}"))
-}
-
-impl PendingFile {
-    /// Takes the temporary file away where the process ends without dropping anything.
-    pub fn discard(&self) {
-        let _ = fs::remove_file(&self.temporary);
-    }
 }
 
 impl Drop for PendingFile {
@@ -186,6 +182,9 @@ mod tests {
         assert!(missing.contains("does not exist"), "{missing}");
         let in_the_way = PendingFile::create(folder.path()).unwrap_err().to_string();
         assert!(in_the_way.contains("is a folder"), "{in_the_way}");
+        let stdout = PendingFile::create(Path::new("-")).unwrap_err().to_string();
+        assert!(stdout.contains("cannot write to stdout") && !Path::new("-").exists(), "{stdout}");
+        PendingFile::create(&folder.path().join("-")).unwrap();
         let unnamed = PendingFile::create(&folder.path().join("none/")).unwrap_err().to_string();
         assert!(unnamed.contains("names no file"), "{unnamed}");
     }

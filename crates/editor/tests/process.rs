@@ -323,6 +323,66 @@ fn an_interrupted_render_or_trace_leaves_nothing_behind() {
 }
 
 #[test]
+fn options_that_have_nothing_to_do_are_not_passed_over() {
+    let folder = desk();
+    for (line, words) in [
+        ("info . --variant a", "--variant is for scenes"),
+        ("info . --block-errors --json", "--block-errors is for transports"),
+        ("relight room.transport -o a.exr --layers none,lights", "`none` or others"),
+    ] {
+        let output = run(folder.path(), line);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{line}: {said}");
+        assert!(said.contains(words), "{line}: {said}");
+    }
+    let mut dark: serde_json::Value = serde_json::from_str(ROOM).unwrap();
+    dark["nodes"][1].as_object_mut().unwrap().remove("extensions");
+    std::fs::write(folder.path().join("dark.gltf"), dark.to_string()).unwrap();
+    let output = run(folder.path(), "export-gltf dark.gltf --unitless -o lit.glb");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("--unitless changes nothing"), "{said}");
+}
+
+#[test]
+fn no_command_writes_to_stdout_or_to_a_file_of_that_sign() {
+    let folder = desk();
+    for line in ["bake room.gltf -o - --size 8x6 --spp 1", "schedule room.gltf -o -"] {
+        let output = run(folder.path(), line);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{line}: {said}");
+        assert!(said.contains("cannot write to stdout"), "{line}: {said}");
+        assert_eq!(names_in(folder.path()), ["room.gltf"], "{line}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_relight_leaves_nothing_behind() {
+    let folder = desk();
+    succeeds(folder.path(), "bake room.gltf --size 64x48 --spp 4 -o room.transport");
+    let lit =
+        r#"{"clerestory": 1, "lamps": [{"key": "bulb", "type": "point", "position": [0, 0.2, 0], "strength": 40}]}"#;
+    std::fs::write(folder.path().join("lit.look"), lit).unwrap();
+    let before = names_in(folder.path());
+    for (name, code) in [("-INT", 130), ("-TERM", 143)] {
+        let line =
+            "relight room.transport --look lit.look --scene room.gltf --lamp-samples 65536 --device cpu -o a.png";
+        let child = clerestory(folder.path()).args(line.split(' ')).stderr(Stdio::piped()).spawn().unwrap();
+        let deadline = Instant::now() + Duration::from_secs(60);
+        while names_in(folder.path()).len() == before.len() {
+            assert!(Instant::now() < deadline, "nothing was begun in a minute");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        signal(&child, name);
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(code), "{name}: {said}");
+        assert!(said.ends_with("stopped: nothing was written\n"), "{name}: {said}");
+        assert_eq!(names_in(folder.path()), before, "{name}");
+    }
+}
+
+#[test]
 fn two_bakes_to_one_file_do_not_disturb_each_other() {
     let folder = desk();
     succeeds(folder.path(), &format!("{SHORT_BAKE} a.transport"));
@@ -619,6 +679,60 @@ fn what_is_wished_in_a_look_is_solved_where_nothing_else_is_named() {
     std::fs::write(path("bare.look"), r#"{"clerestory": 1}"#).unwrap();
     let output = run(folder.path(), "solve room.transport --look bare.look -o bad.look");
     assert!(String::from_utf8_lossy(&output.stderr).contains("a --look with wishes"));
+}
+
+#[test]
+fn no_output_takes_the_place_of_a_file_that_the_scene_or_the_wishes_name() {
+    let folder = desk();
+    let path = |name: &str| folder.path().join(name);
+    let files = ["wood.png", "wood.exr", "wood.transport", "wood.glb", "wood.csv", "wood.look", "wood_1.png"];
+    let mut scene: serde_json::Value = serde_json::from_str(ROOM).unwrap();
+    scene["images"] = files.iter().map(|file| serde_json::json!({"uri": file})).collect();
+    std::fs::write(path("named.gltf"), scene.to_string()).unwrap();
+    files.iter().for_each(|file| std::fs::write(path(file), "grain").unwrap());
+    let shots = r#"{"clerestory": 1, "looks": [{"name": "Day"}],
+        "timeline": {"fps": 4, "keys": [{"time": 0, "look": "Day"}, {"time": 1, "look": "Day"}]}}"#;
+    std::fs::write(path("shots.look"), shots).unwrap();
+    std::fs::write(path("w.json"), r#"{"wishes": [{"match": "goal.exr"}]}"#).unwrap();
+    std::fs::write(path("goal.exr"), "grain").unwrap();
+    succeeds(folder.path(), "bake room.gltf --size 32x24 --spp 4 --work-plane 0.5:0.4 -o room.transport");
+    let relight = "relight room.transport --device cpu --scene named.gltf";
+    for line in [
+        "bake named.gltf -o wood.transport --size 8x6 --spp 1",
+        "render named.gltf -o wood.exr --size 8x6 --spp 1",
+        "trace named.gltf -o wood.png --size 8x6 --spp 1",
+        &format!("{relight} -o ./wood.png"),
+        &format!("{relight} --contact-sheet shots.look -o wood.png"),
+        &format!("{relight} --look shots.look -o wood_#.png"),
+        "export-gltf named.gltf -o wood.glb",
+        "schedule named.gltf -o wood.csv",
+        "sensors room.transport --scene named.gltf -o wood.csv",
+        "solve room.transport --scene named.gltf --wishes w.json -o wood.look",
+        "solve room.transport --wishes w.json -o goal.exr",
+    ] {
+        let output = run(folder.path(), line);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let what = if line.contains("goal") { "picture" } else { "file of the scene" };
+        assert_eq!(output.status.code(), Some(1), "{line}: {said}");
+        assert!(said.contains(&format!("would overwrite the {what}")), "{line}: {said}");
+    }
+    for file in files.iter().chain(&["goal.exr"]) {
+        assert_eq!(std::fs::read(path(file)).unwrap(), b"grain", "{file}");
+    }
+}
+
+#[test]
+fn frames_without_a_display_take_the_place_of_no_picture_that_they_are_made_of() {
+    let folder = desk();
+    let frames = folder.path().join("frames");
+    std::fs::create_dir(&frames).unwrap();
+    image::RgbImage::from_pixel(8, 6, image::Rgb([90, 80, 70])).save(frames.join("warm.png")).unwrap();
+    let before = std::fs::read(frames.join("warm.png")).unwrap();
+    let output = run(folder.path(), "./frames");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("would overwrite the picture"), "{said}");
+    assert_eq!(std::fs::read(frames.join("warm.png")).unwrap(), before);
 }
 
 #[test]

@@ -12,7 +12,6 @@ use clerestory_transport::bake::SIDE;
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::import::Choice;
-use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::patches::MOST_PATCHES;
 use clerestory_transport::sensors::{NodeGrid, WorkPlane};
 use clerestory_transport::skips::Skips;
@@ -43,7 +42,7 @@ pub struct Arguments {
     /// What the editor opens: a scene (.gltf, .glb), a .transport, a .look with the scene that was open last, or a folder with a
     /// picture for each light; the built-in gallery if left out.
     pub scene: Option<PathBuf>,
-    /// Print figures as one JSON object on stdout.
+    /// Without a display, print figures as one JSON object on stdout; a window prints none.
     #[arg(long)]
     pub json: bool,
 }
@@ -164,7 +163,8 @@ pub struct ViewArgs {
     /// of the light that they would return.
     #[arg(long)]
     pub no_energy_compensation: bool,
-    /// Sky: an equirectangular .hdr or .exr, `uniform`, or `sun:AZIMUTH,ELEVATION` in degrees.
+    /// Sky: an equirectangular .hdr or .exr, `uniform`, `sun:AZIMUTH,ELEVATION` in degrees, or
+    /// `sun:DATE,TIME,LATITUDE,LONGITUDE[,UTC_OFFSET[,NORTH]]` such as sun:2026-06-21,14:30,48.14,11.58,2.
     #[arg(long, value_name = "FILE|uniform|sun:AZ,EL", value_parser = crate::look::sky::typed, allow_hyphen_values = true)]
     pub sky: Option<SkySetting>,
     /// Leave out no work that a scene does not need, or not the work of these names: slower, and the same picture.
@@ -191,11 +191,6 @@ impl ViewArgs {
     /// The same with what a look makes of the scene.
     pub fn as_in(&self, look: &Look) -> ViewArgs {
         ViewArgs { of_look: look.scene.clone(), ..self.clone() }
-    }
-
-    /// Whether the numbers of lamps are taken as watts.
-    pub fn is_unitless(&self) -> bool {
-        self.unitless || self.of_look.units == Some(LampUnits::Unitless)
     }
 
     /// What of a file is loaded.
@@ -242,7 +237,7 @@ pub struct BakeOptions {
     pub exact: bool,
     /// Take no noise out between pixels. By default pixels that show the same surface tell each other, as far as two halves of the
     /// samples agree that it helps. Blocks that are noisier than asked are smoothed nevertheless, see --exact.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "exact")]
     pub no_denoise: bool,
     /// Also bake how free lamps light the scene by way of its surfaces, told apart into about N patches (4096 will do, at most
     /// 16384): lamps of a look can then be moved and added after the bake. 0 is none.
@@ -318,7 +313,7 @@ pub struct BakeArgs {
     #[arg(short, long, value_name = "FILE.transport", required_unless_present = "estimate")]
     pub output: Option<PathBuf>,
     /// Do not bake: try some blocks, and tell about how long it will take, how much memory, and how large the file will be.
-    #[arg(long, conflicts_with_all = ["output", "seconds"])]
+    #[arg(long, conflicts_with_all = ["output", "seconds", "fresh"])]
     pub estimate: bool,
     /// Earlier bake whose columns are taken over, where surfaces, view and settings are the same; only lights that are new or
     /// have moved are traced [default: the output file, if it is there].
@@ -390,11 +385,12 @@ pub struct RelightArgs {
     /// Scene that was baked: lamps of the look, which are free to be anywhere, light its surfaces.
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
-    /// Samples of a pixel for what these lamps light, in pictures and sheets: glints of polished surfaces take some hundreds.
+    /// Samples of a pixel for what these lamps light, in pictures and sheets, not in frames: glints of polished surfaces take some hundreds.
     #[arg(long, value_name = "N", default_value_t = DEFAULT_SAMPLES, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub lamp_samples: u32,
     /// Relight under each of these looks instead, and put the pictures on one sheet (PNG) with their names.
-    #[arg(long, value_name = "FILE.look", num_args = 1.., conflicts_with = "look")]
+    #[arg(long, value_name = "FILE.look", num_args = 1..,
+        conflicts_with_all = ["look", "name", "at", "preset", "frames", "fps"])]
     pub contact_sheet: Vec<PathBuf>,
     /// How to light.
     #[command(flatten)]

@@ -1,7 +1,7 @@
 //! `clerestory bake`: light transport into a file.
 
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -20,7 +20,9 @@ use super::args::{BakeArgs, BakeOptions, IrradianceArgs};
 use super::console::{Answer, Console, advance, duration_words};
 use super::estimate;
 use super::reuse::Earlier;
-use super::view::{View, inputs_of, load_look, on_threads, open_view, requested_sky, spare_look, warn_of_no_sky};
+use super::view::{
+    View, inputs_of, load_look, on_threads, open_view, requested_sky, spare_look, spare_scene, warn_of_no_sky,
+};
 use crate::black::black_words;
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
@@ -90,11 +92,12 @@ fn scene_job(scene: &Path, args: &BakeArgs, look: &Look, console: &mut Console) 
 type Baked = (Bake, BakeTimes, Option<Earlier>);
 
 fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Console) -> Result<Baked> {
-    let inputs: Vec<_> = [("scene", scene)].into_iter().chain(inputs_of(&args.options.view)).collect();
+    let inputs: Vec<_> = inputs_of(&args.options.view).collect();
+    places_of(output).iter().try_for_each(|place| spare_scene(place, scene))?;
     reserve(output, &inputs)?;
     spare_half_done(output, &args.options)?;
     let look = load_look(args.look.as_deref(), console)?;
-    spare_look(output, args.look.as_deref(), &look)?;
+    places_of(output).iter().try_for_each(|place| spare_look(place, args.look.as_deref(), &look))?;
     let mut job = scene_job(scene, args, &look, console)?;
     let mut options = args.options.clone();
     if let Some(limit_bytes) = args.memory {
@@ -145,11 +148,14 @@ pub(crate) fn stack_job(stack: &Arc<ImageStack>, options: &BakeOptions) -> Stack
     StackJob { stack, tolerance_db, method, block, seed, memory_bytes: MEMORY_BYTES }
 }
 
+/// Where a bake writes: its file, and what is done of it.
+fn places_of(output: &Path) -> [PathBuf; 2] {
+    [output.to_path_buf(), archive::part_of(output)]
+}
+
 /// A place that cannot be written, or is an input, is found out before the long work, not after it.
 fn reserve(output: &Path, inputs: &[(&'static str, &Path)]) -> Result<()> {
-    for place in [output, &archive::part_of(output)] {
-        spare_inputs(place, inputs.iter().copied())?;
-    }
+    places_of(output).iter().try_for_each(|place| spare_inputs(place, inputs.iter().copied()))?;
     drop(PendingFile::create(output)?);
     Ok(())
 }

@@ -6,17 +6,17 @@ use anyhow::{Context, Result};
 use clap::Args;
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::import::Choice;
-use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::prepared::PreparedScene;
 use serde_json::json;
 
 use super::args::{OutputArgs, parse_panel};
 use super::console::{Answer, Console};
 use super::looks::LookChoice;
-use super::view::{load_look, load_scene, or_of_file, panels, spare_look, warn_of_unknown_lights};
+use super::view::{
+    count_in_watts, load_look, load_scene, or_of_file, panels, spare_look, spare_scene, warn_of_unknown_lights,
+};
 use crate::export_gltf::Lit;
 use crate::look::lamps::resolve;
-use crate::output::spare_inputs;
 
 /// `clerestory export-gltf`.
 #[derive(Debug, Args)]
@@ -44,13 +44,11 @@ pub struct ExportGltfArgs {
 }
 
 pub(super) fn export_gltf(args: &ExportGltfArgs, console: &mut Console) -> Result<Answer> {
-    spare_inputs(&args.output, [("scene", args.scene.as_path())])?;
+    spare_scene(&args.output, &args.scene)?;
     let document = load_look(args.look.as_deref(), console)?;
     spare_look(&args.output, args.look.as_deref(), &document)?;
     let mut scene = load_scene(&args.scene, &Choice::default(), console)?.scene;
-    if args.unitless || document.scene.units == Some(LampUnits::Unitless) {
-        assume_unitless(&mut scene);
-    }
+    count_in_watts(&mut scene, args.unitless, document.scene.units, console);
     let panels = panels(&scene, &args.panels, &document.scene, console);
     let problem = || format!("cannot prepare the scene {}", args.scene.display());
     let (scene, warnings) = PreparedScene::new(scene, &panels).with_context(problem)?;

@@ -42,14 +42,13 @@ enum FileKind {
     Scene,
     Transport,
     Look,
+    /// A folder of them.
+    Pictures,
 }
 
 pub(super) fn info(args: &InfoArgs, console: &mut Console) -> Result<Answer> {
     let (path, variant) = (args.file.as_path(), args.variant.as_deref());
-    if path.is_dir() {
-        return stack(path, console);
-    }
-    let kind = file_kind(path)?;
+    let kind = if path.is_dir() { FileKind::Pictures } else { file_kind(path)? };
     if variant.is_some() && kind != FileKind::Scene {
         bail!("--variant is for scenes (.gltf, .glb), and {} is none", path.display());
     }
@@ -57,6 +56,7 @@ pub(super) fn info(args: &InfoArgs, console: &mut Console) -> Result<Answer> {
         bail!("--block-errors is for transports, and {} is none", path.display());
     }
     match kind {
+        FileKind::Pictures => stack(path, console),
         FileKind::Scene => scene(path, variant, console),
         FileKind::Transport => transport(args),
         FileKind::Look => look(path, console),

@@ -1,21 +1,23 @@
 //! Ctrl-C and termination: the first asks a long command to end in good order, the second ends it at once.
 //!
-//! Until a command begins its long work, and in commands without any, a signal ends the process as ever: there is nothing
-//! to keep.
+//! Until a command begins its long work, and in commands that write nothing, a signal ends the process as ever: there is nothing
+//! to keep and nothing to take away.
 
 use std::fmt;
 use std::io::Write;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
+use clerestory_transport::archive::beside::discard;
 use indicatif::ProgressBar;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
-use crate::output::PendingFile;
+use super::console::Console;
 
 /// How often a signal is looked for.
 const POLL: Duration = Duration::from_millis(20);
@@ -62,10 +64,21 @@ pub(crate) fn nothing_kept() -> String {
     "nothing was written".into()
 }
 
-/// The same with the place of a file that will not come to be.
-pub(super) fn discarded(place: &PendingFile) -> String {
-    place.discard();
+/// The same, with what was begun of a file taken away that will not come to be.
+pub(super) fn discarded(output: &Path) -> String {
+    discard(output);
     nothing_kept()
+}
+
+/// Does the work of a command that writes its file, if any, at the end: a signal ends it, and nothing of the file stays.
+pub(super) fn writing<T>(
+    output: Option<&Path>,
+    console: &mut Console,
+    work: impl FnOnce(&mut Console) -> Result<T>,
+) -> Result<T> {
+    let interrupt = console.interrupt.heeded()?;
+    let kept = || output.map_or_else(nothing_kept, discarded);
+    interrupt.watched(&ProgressBar::hidden(), &kept, || work(console))
 }
 
 impl Interrupt {
@@ -133,7 +146,18 @@ impl Interrupt {
 
 #[cfg(test)]
 mod tests {
+    use clerestory_transport::archive::beside::temporary;
+
     use super::*;
+
+    #[test]
+    fn of_a_file_that_will_not_come_to_be_nothing_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let (begun, _file) = temporary(&path).unwrap();
+        assert_eq!(discarded(&path), nothing_kept());
+        assert!(!begun.exists());
+    }
 
     #[test]
     fn work_that_nobody_interrupts_ends_by_itself() {

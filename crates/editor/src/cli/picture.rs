@@ -41,6 +41,9 @@ pub(super) fn options(format: ImageFormat, depth: DepthArgs, cut: CutArgs, layer
         Layers::None | Layers::Irradiance => None,
     });
     let sets: Vec<LayerSet> = sets.collect();
+    if layers.contains(&Layers::None) && layers.len() > 1 {
+        bail!("--layers takes `none` or others, not both");
+    }
     if sets.len() > 1 {
         bail!("--layers takes `lights` or `groups`, not both: together they would be twice the picture");
     }
@@ -113,6 +116,7 @@ mod tests {
         let both = of(&[Layers::Groups, Layers::Irradiance]).unwrap();
         assert_eq!((both.layers, both.irradiance), (LayerSet::Groups, true));
         assert!(of(&[Layers::Groups, Layers::Lights]).is_err());
+        assert!(of(&[Layers::None]).is_ok() && of(&[Layers::None, Layers::Lights]).is_err());
     }
 
     #[test]

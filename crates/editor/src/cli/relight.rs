@@ -14,12 +14,12 @@ use serde_json::{Value, json};
 use super::args::{Device, Layers, RelightArgs, RelightOptions, RenderArgs};
 use super::bake::{baked, job, merge, run_with_progress};
 use super::console::{Answer, Console, duration_words};
-use super::interrupt::discarded;
+use super::interrupt::{discarded, writing};
 use super::lamps::{self, Arriving, DIRECT_LUX, LampLight};
 use super::sequence::sequence;
 use super::view::{
-    inputs_of, load_bake, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_black, warn_of_no_sky,
-    warn_of_unknown_lights,
+    inputs_of, load_bake, load_look, open_view, or_of_file, requested_sky, spare_look, spare_scene, warn_of_black,
+    warn_of_no_sky, warn_of_unknown_lights,
 };
 use super::{picture, sheet::sheet};
 use crate::export::layers::LayerSet;
@@ -33,7 +33,13 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
     if args.contact_sheet.is_empty() && args.frames.are_meant(&args.options.output) {
         return sequence(args, console);
     }
+    writing(Some(args.options.output.as_path()), console, |console| one_file(args, console))
+}
+
+/// A picture, or a sheet of several.
+fn one_file(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
     spare_inputs(&args.options.output, [("transport", args.transport.as_path())])?;
+    args.scene.iter().try_for_each(|scene| spare_scene(&args.options.output, scene))?;
     if !args.contact_sheet.is_empty() {
         return sheet(args, console);
     }
@@ -50,11 +56,11 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
 }
 
 pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer> {
-    let scene = [("scene", args.scene.as_path())];
-    spare_inputs(&args.relight.output, scene.into_iter().chain(inputs_of(&args.bake.view)))?;
+    spare_scene(&args.relight.output, &args.scene)?;
+    spare_inputs(&args.relight.output, inputs_of(&args.bake.view))?;
     let interrupt = console.interrupt.heeded()?;
     let mut target = Target::new(&args.relight, console)?;
-    let kept = || discarded(&target.place);
+    let kept = || discarded(&args.relight.output);
     let form = args.bake.sky_form(&target.document);
     let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), form, console)?;
     warn_of_no_sky(sky.as_ref(), args.bake.sky_patches, console);
@@ -72,7 +78,8 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     let (bake, times) = run_with_progress(console, &args.bake, &kept, |on_event| job.run(on_event))
         .with_context(|| format!("cannot bake {}", args.scene.display()))?;
     let mut answer = baked(&bake, times, &args.bake, console)?;
-    let relit = target.finish(&bake, &[], &args.relight, console)?;
+    let finish = || target.finish(&bake, &[], &args.relight, console);
+    let relit = interrupt.watched(&ProgressBar::hidden(), &kept, finish)?;
     merge(&mut answer.json, relit.json);
     answer.words = format!("{}\n{}", answer.words, relit.words);
     Ok(answer)

@@ -11,7 +11,9 @@ use serde_json::json;
 
 use super::args::ScheduleArgs;
 use super::console::{Answer, Console};
-use super::view::{load_bake, load_look, load_scene, or_of_file, panels, spare_look, warn_of_unknown_lights};
+use super::view::{
+    load_bake, load_look, load_scene, or_of_file, panels, spare_look, spare_scene, warn_of_unknown_lights,
+};
 use crate::action::is_transport;
 use crate::legend::number_words;
 use crate::output::{PendingFile, spare_inputs};
@@ -19,10 +21,13 @@ use crate::schedule::Schedule;
 
 pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> {
     let look = load_look(args.look.as_deref(), console)?;
-    spare_inputs(&args.output, [("input", args.file.as_path())])?;
+    let is_bake = is_transport(&args.file);
+    match is_bake {
+        true => spare_inputs(&args.output, [("transport", args.file.as_path())])?,
+        false => spare_scene(&args.output, &args.file)?,
+    }
     spare_look(&args.output, args.look.as_deref(), &look)?;
     let place = PendingFile::create(&args.output)?;
-    let is_bake = is_transport(&args.file);
     let (basis, scene) = if is_bake {
         let bake = load_bake(&args.file)?;
         ensure!(!bake.header.basis.is_measured(), "{} is of pictures, whose lights are no lamps", args.file.display());

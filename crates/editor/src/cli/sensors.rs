@@ -14,7 +14,7 @@ use serde_json::json;
 use super::args::SensorsArgs;
 use super::console::{Answer, Console};
 use super::lamps::{DIRECT_LUX, prepared, stage, warn_of_lacking, warn_of_no_lamps};
-use super::view::{load_bake, load_look, or_of_file, spare_look, warn_of_unknown_lights};
+use super::view::{load_bake, load_look, or_of_file, spare_look, spare_scene, warn_of_unknown_lights};
 use crate::illuminance::{AddedLux, FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words, write_points};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
@@ -46,8 +46,8 @@ struct Summary {
 pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answer> {
     let document = load_look(args.look.as_deref(), console)?;
     if let Some(output) = &args.output {
-        let scene = args.scene.as_deref().map(|scene| ("scene", scene));
-        spare_inputs(output, [("transport", args.transport.as_path())].into_iter().chain(scene))?;
+        spare_inputs(output, [("transport", args.transport.as_path())])?;
+        args.scene.iter().try_for_each(|scene| spare_scene(output, scene))?;
         spare_look(output, args.look.as_deref(), &document)?;
     }
     let place = args.output.as_deref().map(PendingFile::create).transpose()?;

@@ -16,7 +16,7 @@ use super::console::{Answer, Console, advance, duration_words};
 use super::lamps;
 use super::picture;
 use super::relight::open_graphics;
-use super::view::{load_bake, load_look, warn_of_unknown_lights};
+use super::view::{files_of_look, files_of_scene, load_bake, load_look, warn_of_unknown_lights};
 use crate::look::lamps::resolve;
 use crate::look::timeline::FPS;
 use crate::sequence::{Pattern, Sequence};
@@ -55,8 +55,8 @@ fn parse_fps(text: &str) -> Result<f32, String> {
     fps.map(|fps| fps as f32).ok_or_else(|| format!("write {} to {}", FPS.start(), FPS.end()))
 }
 
-/// Writes the frames.
-pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
+/// Refuses options that mean nothing to frames.
+fn refuse_others(args: &RelightArgs) -> Result<()> {
     let options = &args.options;
     if options.layers.iter().any(|layer| *layer != Layers::None) {
         bail!("frames hold no layers; leave out --layers, or relight one moment with --at");
@@ -65,11 +65,24 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     if choice.name.is_some() || choice.at.is_some() || choice.preset.is_some() {
         bail!("--name, --at and --preset light one picture; leave them out to write frames, or # in -o for one file");
     }
+    if args.lamp_samples != lamps::DEFAULT_SAMPLES {
+        bail!("--lamp-samples is for one picture or a sheet; leave it out to write frames, or # in -o for one file");
+    }
+    Ok(())
+}
+
+/// Writes the frames.
+pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
+    refuse_others(args)?;
+    let options = &args.options;
     let pattern = Pattern::new(&options.output)?;
     let mut look = load_look(options.look.as_deref(), console)?;
     let folder = options.look.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_path_buf();
-    let skies = look.rigs().filter_map(|rig| Some(folder.join(rig.sky.as_ref()?.file.as_deref()?)));
-    let skies: Vec<_> = skies.collect();
+    let mut named = files_of_look(options.look.as_deref(), &look);
+    // Where no frame is there yet, none takes a place, and the scene need not be read for that.
+    if let Some(scene) = args.scene.as_deref().filter(|_| pattern.has_files()) {
+        named.extend(files_of_scene(scene));
+    }
     look.rigs_mut().for_each(|rig| console.warn_all(resolve(&mut rig.lamps, &folder)));
     let written = picture::options(pattern.format, options.depth, options.cut, &options.layers)?;
     let sequence = Sequence::new(look, pattern, args.frames.frames.clone(), args.frames.fps)?;
@@ -81,7 +94,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     ];
     let mut inputs: Vec<(&'static str, &Path)> =
         read.into_iter().filter_map(|(what, path)| Some((what, path?))).collect();
-    inputs.extend(skies.iter().map(|file| ("sky", file.as_path())));
+    inputs.extend(named.iter().map(|(what, file)| (*what, file.as_path())));
     sequence.spare(&inputs)?;
 
     let interrupt = console.interrupt.heeded()?;

@@ -17,7 +17,7 @@ use super::args::SolveArgs;
 use super::bake::merge;
 use super::console::{Answer, Console};
 use super::lamps::{Arriving, DEFAULT_SAMPLES, LampLight, open};
-use super::view::{load_bake, load_look, or_of_file, spare_named, warn_of_unknown_lights};
+use super::view::{files_of_look, load_bake, load_look, or_of_file, spare_files, spare_scene, warn_of_unknown_lights};
 use crate::look::{Look, Units};
 use crate::marks::{Framing, Seen};
 use crate::output::{PendingFile, spare_inputs};
@@ -30,18 +30,8 @@ use crate::words::in_words;
 
 pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let mut look = load_look(args.look.as_deref(), console)?;
-    let inputs = [
-        ("transport", Some(&args.transport)),
-        ("scene", args.scene.as_ref()),
-        ("wishes", args.wishes.as_ref()),
-        ("picture", args.picture.as_ref()),
-    ];
-    spare_inputs(&args.output, inputs.into_iter().filter_map(|(what, path)| Some((what, path?.as_path()))))?;
-    // The look itself may become what was found, but nothing that it names.
+    spare(args, &look)?;
     let folder = args.look.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-    spare_named(&args.output, folder, &look)?;
-    let pictures: Vec<PathBuf> = look.wishes.files().map(|file| folder.join(file)).collect();
-    spare_inputs(&args.output, pictures.iter().map(|file| ("picture", file.as_path())))?;
     let place = PendingFile::create(&args.output)?;
     let bake = load_bake(&args.transport)?;
     look = or_of_file(look, args.look.as_deref(), &bake.header.basis);
@@ -70,6 +60,21 @@ pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let mut json = json!({ "output": output, "warnings": console.warnings() });
     merge(&mut json, solved.json());
     Ok(Answer { json, words: format!("{}\n{output}", solved.words(&look)) })
+}
+
+/// Refuses an output that would overwrite what is read. The look itself may become what was found, but nothing that it names.
+fn spare(args: &SolveArgs, look: &Look) -> Result<()> {
+    let output = args.output.as_path();
+    let inputs =
+        [("transport", Some(&args.transport)), ("wishes", args.wishes.as_ref()), ("picture", args.picture.as_ref())];
+    spare_inputs(output, inputs.into_iter().filter_map(|(what, path)| Some((what, path?.as_path()))))?;
+    args.scene.iter().try_for_each(|scene| spare_scene(output, scene))?;
+    spare_files(output, &files_of_look(args.look.as_deref(), look))?;
+    let folder = args.look.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
+    let of_look = look.wishes.files().map(|file| folder.join(file));
+    let of_wishes = args.wishes.as_deref().map(parse::pictures).transpose()?;
+    let pictures: Vec<PathBuf> = of_look.chain(of_wishes.unwrap_or_default()).collect();
+    spare_inputs(output, pictures.iter().map(|file| ("picture", file.as_path())))
 }
 
 /// The wishes of the file and of the command line.

@@ -16,7 +16,7 @@ use super::interrupt::discarded;
 use super::lamps;
 use super::picture::{CutArgs, options};
 use super::view::{
-    inputs_of, load_look, on_threads, open_view, or_of_file, requested_sky, spare_look, warn_of_black,
+    inputs_of, load_look, on_threads, open_view, or_of_file, requested_sky, spare_look, spare_scene, warn_of_black,
     warn_of_unknown_lights,
 };
 use crate::export::{ImageFormat, Picture};
@@ -26,10 +26,11 @@ use crate::output::{PendingFile, spare_inputs};
 pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let format = ImageFormat::of(&args.output)?;
     let options = options(format, args.depth, CutArgs::default(), &[])?;
-    spare_inputs(&args.output, [("scene", args.scene.as_path())].into_iter().chain(inputs_of(&args.view)))?;
+    spare_scene(&args.output, &args.scene)?;
+    spare_inputs(&args.output, inputs_of(&args.view))?;
     let interrupt = console.interrupt.heeded()?;
     let place = PendingFile::create(&args.output)?;
-    let kept = || discarded(&place);
+    let kept = || discarded(&args.output);
     let document = load_look(args.look.as_deref(), console)?;
     spare_look(&args.output, args.look.as_deref(), &document)?;
     let look = args.choice.of(&document, None)?;
@@ -65,8 +66,9 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
 
     let radiance = Radiance { width: view.film.width, height: view.film.height, pixels };
     warn_of_black("the picture is", &radiance, (&view.scene.lighting.basis, &rig), console);
-    let shown = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look, units: Units::Photometric }
-        .write(place, format, &options)?;
+    let picture =
+        Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look, units: Units::Photometric };
+    let shown = interrupt.watched(&ProgressBar::hidden(), &kept, || picture.write(place, format, &options))?;
     let output = args.output.display().to_string();
     let words = format!(
         "{output}: {}×{} at {} spp in {}",

@@ -7,7 +7,7 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 use clerestory_transport::emitters::PanelRequest;
 
-use super::args::{Arguments, Command};
+use super::args::{Arguments, BakeOptions, Command};
 
 /// Reads a command line, the program's name first.
 ///
@@ -24,15 +24,23 @@ pub(super) fn understand<T: Into<OsString> + Clone>(
 }
 
 fn fault(arguments: &Arguments) -> Option<(ErrorKind, String)> {
-    let panels = match &arguments.command {
+    let (panels, passed_over) = match &arguments.command {
         None => return neither_command_nor_file(arguments.scene.as_deref()?),
-        Some(Command::Bake(args)) => &args.options.view.panels,
-        Some(Command::Render(args)) => &args.bake.view.panels,
-        Some(Command::Trace(args)) => &args.view.panels,
+        Some(Command::Bake(args)) => (&args.options.view.panels, None),
+        Some(Command::Render(args)) => (&args.bake.view.panels, of_kept_bakes(&args.bake)),
+        Some(Command::Trace(args)) => (&args.view.panels, None),
         Some(_) => return None,
     };
-    let node = asked_twice(panels)?;
-    Some((ErrorKind::ArgumentConflict, format!("--panel names `{node}` twice; ask for it once")))
+    let useless = passed_over
+        .map(|option| format!("{option} changes nothing of `render`, which keeps nothing of its bake; leave it out"));
+    let twice = || asked_twice(panels).map(|node| format!("--panel names `{node}` twice; ask for it once"));
+    Some((ErrorKind::ArgumentConflict, useless.or_else(twice)?))
+}
+
+/// An option that was typed and only means something to a bake that is kept: to start it over, or to move lamps afterwards.
+fn of_kept_bakes(options: &BakeOptions) -> Option<&'static str> {
+    let all = [("--fresh", options.fresh), ("--patches", options.patches > 0)];
+    all.into_iter().find_map(|(option, is_typed)| is_typed.then_some(option))
 }
 
 /// A single word that is no file is more likely a slip of the finger than a scene.
@@ -64,6 +72,24 @@ mod tests {
             assert!(understand(["clerestory", path]).is_ok(), "{path}");
         }
         assert!(understand(["clerestory"]).is_ok());
+    }
+
+    #[test]
+    fn options_that_would_be_passed_over_are_refused_with_what_they_are_at_odds_with() {
+        for (line, words) in [
+            ("render a.glb -o a.exr --fresh", ["--fresh", "render"]),
+            ("render a.glb -o a.exr --patches 64", ["--patches", "render"]),
+            ("bake a.glb --estimate --fresh", ["--estimate", "--fresh"]),
+            ("bake a.glb -o a.transport --exact --no-denoise", ["--exact", "--no-denoise"]),
+            ("relight a.transport -o a.png --contact-sheet a.look --name Day", ["--contact-sheet", "--name"]),
+            ("relight a.transport -o a.png --contact-sheet a.look --at 1", ["--contact-sheet", "--at"]),
+            ("relight a.transport -o a.png --contact-sheet a.look --preset day", ["--contact-sheet", "--preset"]),
+            ("relight a.transport -o a_#.png --contact-sheet a.look --frames 0..1", ["--contact-sheet", "--frames"]),
+            ("relight a.transport -o a_#.png --contact-sheet a.look --fps 24", ["--contact-sheet", "--fps"]),
+        ] {
+            let said = refused(&format!("clerestory {line}"));
+            assert!(words.iter().all(|word| said.contains(word)), "{line}: {said}");
+        }
     }
 
     #[test]

@@ -11,7 +11,7 @@ use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::{Lighting, LightingError, PanelRequest, SkyRequest};
 use clerestory_transport::import::{self, Choice, Imported};
-use clerestory_transport::lamp_units::assume_unitless;
+use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::photometry::assign;
@@ -77,15 +77,36 @@ pub(super) fn inputs_of(args: &ViewArgs) -> impl Iterator<Item = (&'static str, 
     sky.map(|file| ("sky", Path::new(file))).into_iter().chain(measured)
 }
 
+/// Refuses an output that would overwrite a scene or a file that it names.
+pub(crate) fn spare_scene(output: &Path, scene: &Path) -> Result<()> {
+    spare_inputs(output, [("scene", scene)])?;
+    // Where nothing is, nothing is overwritten, and the scene need not be read for that.
+    if !output.exists() {
+        return Ok(());
+    }
+    spare_files(output, &files_of_scene(scene))
+}
+
+/// The files that a scene names, and what they are called.
+pub(super) fn files_of_scene(scene: &Path) -> Vec<(&'static str, PathBuf)> {
+    import::named_files(scene).into_iter().map(|file| ("file of the scene", file)).collect()
+}
+
 /// Refuses an output that would overwrite a look or a file that it names.
 pub(crate) fn spare_look(output: &Path, path: Option<&Path>, look: &Look) -> Result<()> {
     let Some(path) = path else { return Ok(()) };
     spare_inputs(output, [("look", path)])?;
-    spare_named(output, path.parent().unwrap_or(Path::new("")), look)
+    spare_files(output, &files_of_look(Some(path), look))
 }
 
-/// The same of the files alone that a look in `folder` names: its skies, and what its lamps are measured by.
-pub(super) fn spare_named(output: &Path, folder: &Path, look: &Look) -> Result<()> {
+/// Refuses an output that would overwrite one of some files.
+pub(super) fn spare_files(output: &Path, files: &[(&'static str, PathBuf)]) -> Result<()> {
+    spare_inputs(output, files.iter().map(|(what, file)| (*what, file.as_path())))
+}
+
+/// The files that a look names, and what they are called: its skies, and what its lamps are measured by.
+pub(super) fn files_of_look(path: Option<&Path>, look: &Look) -> Vec<(&'static str, PathBuf)> {
+    let folder = path.and_then(Path::parent).unwrap_or(Path::new(""));
     let skies = look.rigs().filter_map(|rig| rig.sky.as_ref()?.file.as_deref());
     let skies = skies.map(|file| ("sky", folder.join(file)));
     let lamps = look.rigs().flat_map(|rig| &rig.lamps);
@@ -93,8 +114,7 @@ pub(super) fn spare_named(output: &Path, folder: &Path, look: &Look) -> Result<(
         LampShape::Profile { file } => Some(("measured distribution", folder.join(file))),
         _ => None,
     });
-    let named: Vec<(&'static str, PathBuf)> = skies.chain(profiles).collect();
-    spare_inputs(output, named.iter().map(|(what, file)| (*what, file.as_path())))
+    skies.chain(profiles).collect()
 }
 
 /// Opens a scene for tracing under a sky, if any.
@@ -180,12 +200,23 @@ pub(super) fn panels(
     panels
 }
 
-/// What was asked for about the lamps of the file.
-fn change_lamps(scene: &mut Scene, args: &ViewArgs, console: &mut Console) -> Result<()> {
-    if args.is_unitless() && assume_unitless(scene) == 0 {
-        let what = if args.unitless { "--unitless" } else { "counting lamps in watts, as the look does," };
+/// Takes the numbers of lamps as watts where that was typed or the look does so.
+pub(super) fn count_in_watts(
+    scene: &mut Scene,
+    is_typed: bool,
+    units_of_look: Option<LampUnits>,
+    console: &mut Console,
+) {
+    let is_asked = is_typed || units_of_look == Some(LampUnits::Unitless);
+    if is_asked && assume_unitless(scene) == 0 {
+        let what = if is_typed { "--unitless" } else { "counting lamps in watts, as the look does," };
         console.warn(&format!("{what} changes nothing: no lamp of the scene counts in candela or lux of its own"));
     }
+}
+
+/// What was asked for about the lamps of the file.
+fn change_lamps(scene: &mut Scene, args: &ViewArgs, console: &mut Console) -> Result<()> {
+    count_in_watts(scene, args.unitless, args.of_look.units, console);
     let radius_rad = args.sun_size.map(|degrees| (0.5 * degrees).to_radians());
     if radius_rad.is_some_and(|radius_rad| scene.set_sun_radius(radius_rad) == 0) {
         console.warn("--sun-size changes nothing: no lamp of the scene is directional");

@@ -66,11 +66,29 @@ pub struct Surroundings<'a> {
 /// # Errors
 /// Names the wish that is no wish, and what would be one.
 pub fn read(path: &Path, of: &Surroundings) -> Result<Request> {
+    let text = text_of(path)?;
+    request(&text, path.parent().unwrap_or(Path::new("")), of).with_context(|| format!("cannot use {}", path.display()))
+}
+
+/// The pictures that a file of wishes names, where they lie.
+///
+/// # Errors
+/// As [`read`].
+pub fn pictures(path: &Path) -> Result<Vec<PathBuf>> {
+    let file = file_of(&text_of(path)?).with_context(|| format!("cannot use {}", path.display()))?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    Ok(file.wishes.into_iter().filter_map(|entry| Some(folder.join(entry.picture?))).collect())
+}
+
+fn text_of(path: &Path) -> Result<String> {
     let name = path.display();
     let n_bytes = std::fs::metadata(path).with_context(|| format!("cannot read {name}: check the path"))?.len();
     ensure!(n_bytes <= MAX_BYTES, "{name} is too large for a file of wishes");
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;
-    request(&text, path.parent().unwrap_or(Path::new("")), of).with_context(|| format!("cannot use {name}"))
+    std::fs::read_to_string(path).with_context(|| format!("cannot read {name}"))
+}
+
+fn file_of(text: &str) -> Result<File> {
+    serde_json::from_str(text).context("it is no file of wishes; see the example in docs/cli.md")
 }
 
 /// The same from text, with the folder of the pictures.
@@ -78,7 +96,7 @@ pub fn read(path: &Path, of: &Surroundings) -> Result<Request> {
 /// # Errors
 /// As [`read`].
 pub fn request(text: &str, folder: &Path, of: &Surroundings) -> Result<Request> {
-    let file: File = serde_json::from_str(text).context("it is no file of wishes; see the example in docs/cli.md")?;
+    let file = file_of(text)?;
     let usual = Request::default();
     let wishes = file.wishes.into_iter().enumerate();
     let wishes = wishes
@@ -142,12 +160,18 @@ fn wish(entry: Entry, idx: usize, folder: &Path, of: &Surroundings) -> Result<Wi
 /// nit unless an exposure is given. A tone curve is taken off an encoded one.
 ///
 /// # Errors
-/// If it cannot be read.
+/// If it cannot be read, or has no curve to be taken off.
 pub fn picture(path: &Path, exposure_ev: Option<f64>, tone: Option<Tone>) -> Result<Target> {
     if let Some(ev) = exposure_ev {
         ensure!((-60.0..=60.0).contains(&ev), "`exposure` must be -60 to 60 EV");
     }
-    Ok(matching(Arc::new(TargetPicture::read(path)?), exposure_ev, tone))
+    let picture = TargetPicture::read(path)?;
+    ensure!(
+        tone.is_none() || picture.was_encoded(),
+        "`tone` changes nothing of {}: its numbers are linear, or it says how it was shown; leave it out",
+        path.display()
+    );
+    Ok(matching(Arc::new(picture), exposure_ev, tone))
 }
 
 /// The same of a picture that was read.

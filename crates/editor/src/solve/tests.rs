@@ -235,6 +235,8 @@ fn a_png_is_matched_through_its_tone_curve() {
     let told = parse::picture(&path, None, None).unwrap();
     assert!(matches!(&told, Target::Picture(_, Exposure::Ev(0.0))), "{told:?}");
     assert!(misses(&told) < 0.05, "{}", misses(&told));
+    let said = parse::picture(&path, None, Some(Tone::Agx)).unwrap_err().to_string();
+    assert!(said.contains("`tone` changes nothing"), "{said}");
     let rig = solve(&scene, &of(vec![wish(Place::Whole, told)])).unwrap().rig;
     assert!((rig.lights["right"].intensity / 1.5 - 1.0).abs() < 0.05, "{rig:?}");
     // A program that throws such words away leaves the exposure to be found, and the curve to be named.

@@ -64,17 +64,22 @@ const DEMANDED: &[(&[&str], &str, &str)] = &[
 /// The extension that has lamps.
 const LAMPS: &str = "KHR_lights_punctual";
 
+/// The text of a document without a mark before it and padding behind it; letters that cannot be read are replaced.
+pub(super) fn legible(text: &[u8]) -> Cow<'_, str> {
+    let mut text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
+    while let [head @ .., 0 | b' '] = text {
+        text = head;
+    }
+    String::from_utf8_lossy(text)
+}
+
 /// Reads the JSON of a file; blanks and zeros that fill a chunk up may follow it, and a byte order mark may stand before it.
 ///
 /// # Errors
 /// When it is not JSON, of no version or another one than 2 or for readers of a newer one, or of another shape than glTF's; the place is named.
 pub(super) fn read(name: &str, text: &[u8], notes: &mut Notes) -> Result<Document, ImportError> {
     let broken = |source| ImportError::Json { name: name.to_owned(), source };
-    let mut text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
-    while let [head @ .., 0 | b' '] = text {
-        text = head;
-    }
-    let text = String::from_utf8_lossy(text);
+    let text = legible(text);
     if matches!(text, Cow::Owned(_)) {
         notes.warn("its text is not all UTF-8: letters of names that cannot be read are shown as \u{FFFD}".to_owned());
     }

@@ -61,7 +61,7 @@ use names::Names;
 use profiles::Profiles;
 use report::Notes;
 use sensors::Sensors;
-use uri::Locator;
+use uri::{Locator, uris};
 use variants::Variant;
 
 pub use environment::{decode_sky, load_sky};
@@ -243,6 +243,16 @@ pub fn load_chosen(path: &Path, choice: &Choice, stop: &Stop) -> Result<Imported
     let bytes = files::read_until(path, MAX_FILE_BYTES, stop)
         .map_err(|source| ImportError::Read { path: path.to_owned(), source });
     unless_stopped(bytes.and_then(|bytes| import(&name, &bytes, &locator, choice)), stop)
+}
+
+/// Files that a `.glb` or `.gltf` names in its folder or below and that are there, read by a load or not. Of what is no such file none:
+/// whoever loads it says why.
+pub fn named_files(path: &Path) -> Vec<PathBuf> {
+    let Ok(bytes) = files::read_at_most(path, MAX_FILE_BYTES) else { return Vec::new() };
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    let Ok(container) = container::split(&name, &bytes) else { return Vec::new() };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    uris(&document::legible(&container.json)).iter().filter_map(|uri| Some(named_file(folder, uri)?.0)).collect()
 }
 
 /// Loads a GLB, or a JSON glTF with data URIs, from memory.

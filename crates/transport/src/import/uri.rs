@@ -8,6 +8,8 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+use serde_json::Value;
+
 use super::files::read_until;
 use crate::stop::Stop;
 
@@ -94,6 +96,24 @@ pub fn named_file(folder: &Path, uri: &str) -> Option<(PathBuf, PathBuf)> {
     let (path, name) = found_in(folder, &decoded, uri).ok()?;
     let is_inside = path.is_file() && path.starts_with(folder.canonicalize().ok()?);
     is_inside.then(|| (path, name.into()))
+}
+
+/// All URIs of a document but those of data: of buffers, images, light profiles, and what extensions name.
+pub(super) fn uris(json: &str) -> Vec<String> {
+    fn collect(value: Value, found: &mut Vec<String>) {
+        match value {
+            Value::Array(items) => items.into_iter().for_each(|item| collect(item, found)),
+            Value::Object(members) => members.into_iter().for_each(|(key, value)| match value {
+                Value::String(uri) if key == "uri" && !uri.starts_with("data:") => found.push(uri),
+                other => collect(other, found),
+            }),
+            _ => {}
+        }
+    }
+    let mut found = Vec::new();
+    // What is no JSON names nothing.
+    collect(serde_json::from_str(json).unwrap_or_default(), &mut found);
+    found
 }
 
 /// What a URI names in a folder, and by which of its names. Some names hold percent signs of their own, and some programs write the
@@ -214,6 +234,16 @@ mod tests {
     fn percent_escapes_decode_and_stray_signs_stay() {
         assert_eq!(percent_decode("a%20b%2Fc%"), b"a b/c%");
         assert_eq!(percent_decode("100%zz"), b"100%zz");
+    }
+
+    #[test]
+    fn every_uri_but_data_is_listed_wherever_it_stands() {
+        let json = r#"{"uri": 3, "buffers": [{"uri": "a.bin"}, {"uri": "data:,x"}, {}], "images": [{"uri": "t/b.png"}],
+            "extensions": {"EXT_lights_ies": {"lights": [{"uri": "c.ies", "name": "uri"}]}}}"#;
+        let mut found = uris(json);
+        found.sort();
+        assert_eq!(found, ["a.bin", "c.ies", "t/b.png"]);
+        assert_eq!(uris("no JSON"), Vec::<String>::new());
     }
 
     #[test]

@@ -70,8 +70,8 @@ pub struct SolveArgs {
     /// Exposure of the picture to match: nit times 2^EV are its numbers.
     #[arg(long, value_name = "EV", requires = "picture", allow_negative_numbers = true)]
     pub exposure: Option<f64>,
-    /// Tone curve that a .png or .jpg to match was made with: agx, aces, neutral, reinhard or linear [default: what a PNG of this
-    /// program says, else linear]
+    /// Tone curve that a .png or .jpg to match was made with, where it does not say so itself as those of this program do: agx, aces,
+    /// neutral, reinhard or linear [default: linear].
     #[arg(long, value_name = "CURVE", requires = "picture", value_parser = parse_tone)]
     pub tone: Option<Tone>,
     /// Scene that was baked: for surfaces by name, means over areas of surface, and lamps of the look.
