@@ -60,6 +60,15 @@ type Figure = fn(&Judged) -> f64;
 /// The text of a part, and its rows of the table of targets.
 type Told = (String, Goals);
 
+/// Those that are tried on traced blocks.
+fn rconds(desk: &Desk) -> &'static [f64] {
+    &RCONDS[..desk.choose(1, RCONDS.len())]
+}
+
+fn rconds_words(rconds: &[f64]) -> String {
+    rconds.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
+}
+
 /// Measures everything that one page can hold.
 ///
 /// # Errors
@@ -101,11 +110,11 @@ pub fn write(desk: &Desk) -> Result<String> {
          Seams: the step of the error from pixel to pixel, root mean square, across borders of blocks over within. Told: blocks that tell their error to\n\
          between 0.8 and 1.25 of it; ours is told the converged matrix as both halves, but for the noisy halves and in bakes, so that only there its estimate can be wrong. Milliseconds of one core per block, factors + bytes:\n\
          of ours the shortest of {} rounds, one round for the noisy halves and for the many columns; of others one round, which holds the search for the rank that\n\
-         the tolerance takes, which ours finds on the way. Algorithm 4 has for each target that threshold of its pseudo-inverse of {} that suits it best. Seed {}; below the tables Algorithm 4 with more of them, and each chapter that traces tells its own.\n\
+         the tolerance takes, which ours finds on the way. Algorithm 4 has for each target that threshold of its pseudo-inverse of {} that suits it best; chapters that try others tell them. Seed {}; below the tables Algorithm 4 with more of them, and each chapter that traces tells its own.\n\
          What is missed: of sharp shadows in many columns and of multiply-adds [decision 0040](decisions/0040-no-right-basis-is-shared.md) tells why, of the errors that noisy halves tell [decision 0041](decisions/0041-no-block-is-worse-than-its-samples.md);\n\
          milliseconds per block stand beside those of tracing in the last row, as [decision 0046](decisions/0046-blocks-are-traced-whole.md) weighs them. {}\n\n{}{text}",
         desk.choose(1, ROUNDS),
-        RCONDS.map(|rcond| rcond.to_string()).join(", "),
+        rconds_words(&RCONDS),
         CompressConfig::default().seed,
         desk.load_words(),
         goals.table(),
@@ -268,8 +277,9 @@ fn noisy(desk: &Desk, path: &Path) -> Result<Told> {
     goals.beside(beside_best);
     let text = format!(
         "\n### Noisy halves of `mixed`\n\n\
-         Two path-traced halves, the mean of which is at {before:.1} dB, asked for several tolerances: ours, and at one of them others that fit that mean as it is. The noise of the converged matrix\n\
+         Two path-traced halves, the mean of which is at {before:.1} dB, asked for several tolerances: ours, and at one of them others that fit that mean as it is, Algorithm 4 with the threshold {} alone. The noise of the converged matrix\n\
          counts as error of blocks that come near it. The picture under all columns at 1 is at {:.1} dB as it was sampled, below the value that 99.5 % of the true one do not exceed.\n\n{}{rows}",
+        RCONDS[0],
         sampled.all_columns_db,
         HEAD.replacen("method", "asked for, by", 1)
     );
