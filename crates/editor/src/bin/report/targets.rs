@@ -367,8 +367,8 @@ impl Goals {
         self.at_most(at("seams"), 1.2, judged.seams, format!("{:.2}", judged.seams));
         self.beside(beside(2, |judged| judged.seams));
         let told = 100.0 * judged.told_well();
-        self.at_least(at("errors that the halves tell to 0.8 … 1.25, %"), 90.0, told, format!("{told:.0}"));
-        self.beside(beside(0, |judged| 100.0 * judged.told_well()));
+        self.at_least(at("errors that the halves tell to 0.8 … 1.25, %"), 90.0, told, format!("{told:.1}"));
+        self.beside(beside(1, |judged| 100.0 * judged.told_well()));
     }
 
     /// Whether noisy halves that are asked for a tolerance come to more than their mean was: block by block, and under all columns.
@@ -431,7 +431,7 @@ impl Goals {
             "errors that the halves tell to 0.8 … 1.25, where there is no noise to judge",
             "≥ 90 %".into(),
             told >= 0.9,
-            &|coded| format!("{:.0} %", 100.0 * coded.judged.told_well()),
+            &|coded| format!("{:.1} %", 100.0 * coded.judged.told_well()),
         );
         if target_db == 45.0 {
             let is_kept = ours.multiply_adds[0] <= 45.0;

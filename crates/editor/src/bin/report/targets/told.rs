@@ -168,7 +168,7 @@ fn add_goals(goals: &mut Goals, name: &str, ways: &[Vec<Found>]) {
     let what = format!("errors that the halves tell to 0.8 … 1.25, %, bakes of `{name}`");
     let [well, known, _] = n_told(ways.iter().flatten());
     let share = 100.0 * well as f64 / known as f64;
-    let words = format!("{share:.0}, {well} of {known}");
+    let words = format!("{share:.1}, {well} of {known}");
     match known {
         0 => goals.figure(what, HIDDEN, "—".into()),
         1..LEAST_KNOWN => goals.figure(what, "too few blocks are known", words),
@@ -218,14 +218,14 @@ mod tests {
         };
         let both = [vec![found(30.0, [10, 10, 12], Some(1.1))], vec![found(35.0, [8, 10, 12], Some(1.25))]];
         let words = told(&both);
-        assert_eq!(words[0], ["≥ 90", "90, 18 of 20", "kept"]);
+        assert_eq!(words[0], ["≥ 90", "90.0, 18 of 20", "kept"]);
         assert_eq!(words[1], ["≤ 1.2", "1.10, 1.25", "**missed**"]);
         let hidden = told(&[vec![found(60.0, [0, 0, 12], None)]]);
         let nothing = ["less than the noise of the references", "—", "—"];
         assert_eq!(hidden, [nothing, nothing]);
         // Seams of the way that is known count, and few blocks are no verdict.
         let half_hidden = told(&[vec![found(30.0, [5, 11, 12], Some(1.3))], vec![found(60.0, [0, 0, 12], None)]]);
-        assert_eq!(half_hidden[0], ["too few blocks are known", "45, 5 of 11", "—"]);
+        assert_eq!(half_hidden[0], ["too few blocks are known", "45.5, 5 of 11", "—"]);
         assert_eq!(half_hidden[1], ["≤ 1.2", "1.30", "**missed**"]);
     }
 
