@@ -227,11 +227,13 @@ pub fn one(bench: &str) -> Result<String> {
     trim_freed_memory();
     let with_scene = resident_bytes();
     let before = with_scene.filter(|_| forget_peak());
+    // Threads are started before, as those are that the scene was prepared on.
+    let pool = bench.threads.map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build()).transpose()?;
     let (begun, begun_by_clock) = (process_cpu_secs()?, Instant::now());
     let bake = || job(&scene, bench).run(|_| ControlFlow::Continue(()));
-    let bake = match bench.threads {
+    let bake = match &pool {
         None => bake()?,
-        Some(n) => rayon::ThreadPoolBuilder::new().num_threads(n).build()?.install(bake)?,
+        Some(pool) => pool.install(bake)?,
     };
     let bake = bake.context("nobody stops a bake of the report")?;
     let (bake_secs, clock_secs) = (process_cpu_secs()? - begun, begun_by_clock.elapsed().as_secs_f64());
