@@ -54,7 +54,8 @@ pub fn write(desk: &Desk) -> Result<String> {
         let of_table = answers.iter().filter(|(method, _)| selection_of(*method) == selection);
         text += &table(title, selection, &measured, &of_table.collect::<Vec<_>>());
     }
-    let few = desk.choose("In a hurry: every fifth case and every other method alone.\n\n", "");
+    let few = desk
+        .choose("In a hurry: every fifth of the cases without large matrices, and every other method, alone.\n\n", "");
     // Last, as it tells how long all of it took.
     Ok(format!("{}\n\n{few}{text}", desk.provenance("stability")))
 }
