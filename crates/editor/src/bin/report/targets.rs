@@ -337,6 +337,13 @@ impl Goals {
         self.rows.push([what, why.into(), words, "—".into(), "—".into()]);
     }
 
+    /// Why the last one is neither kept nor missed.
+    fn not_tested(&mut self, why: &str) {
+        if let Some([.., verdict, _]) = self.rows.last_mut() {
+            *verdict = why.into();
+        }
+    }
+
     /// What is beside the last one, if anything is.
     fn beside(&mut self, words: String) {
         if let Some([.., beside]) = self.rows.last_mut().filter(|_| !words.is_empty()) {

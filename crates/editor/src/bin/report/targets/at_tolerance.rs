@@ -168,10 +168,18 @@ pub fn words(found: &Found) -> String {
     format!("{:.0}× at {:.1} dB", found.ratio, found.db)
 }
 
+/// The verdict on what was not reached at its error.
+pub const SHORT: &str = "not tested: short of the dB";
+
+/// Whether more is lacking of a tolerance than counts for any method.
+pub fn is_short(found: &Found, tolerance_db: f64) -> bool {
+    found.db < tolerance_db - SLACK_DB
+}
+
 /// Whether a ratio is kept, if it is one at the tolerance, as nearly as counts for all methods.
 pub fn verdict(found: &Found, aim: f64, tolerance_db: f64) -> String {
-    if found.db < tolerance_db - SLACK_DB {
-        return "not tested: short of the dB".into();
+    if is_short(found, tolerance_db) {
+        return SHORT.into();
     }
     if found.ratio >= aim { "kept".into() } else { "**missed**".into() }
 }

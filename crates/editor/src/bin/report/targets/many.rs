@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use clerestory_nystrom::Partition;
 use clerestory_nystrom::rivals::{Core, Method};
 
-use super::at_tolerance::{FILM, every, verdict, words};
+use super::at_tolerance::{FILM, SHORT, every, is_short, verdict, words};
 use super::coded::{Coded, Subject};
 use super::traced::{Asked, Found, HEAD, Limits, MOST_RANK, RIVAL_RANK, Row, Singular, Traced, rows, with_matrix};
 use super::{Goals, RCONDS, Told, cells, rconds_words, soft};
@@ -176,6 +176,9 @@ fn baked_goals(goals: &mut Goals, found: &[Row], n_cols: usize, target_db: f64) 
     let in_cosines: Figure = |found| format!("{:.0}", found.multiply_adds[1]);
     for (nth, (how, figure)) in [("as unpacked", as_unpacked), ("in cosines", in_cosines)].into_iter().enumerate() {
         goals.at_most(format!("multiply-adds {how}, {at}"), MULTIPLY_ADDS, ours.multiply_adds[nth], figure(ours));
+        if is_short(ours, target_db) {
+            goals.not_tested(SHORT);
+        }
         goals.beside(beside(found, figure));
     }
     Ok(())
@@ -276,6 +279,10 @@ mod tests {
         baked_goals(&mut goals, &rows, 4096, 45.0).unwrap();
         let told: Vec<[&str; 3]> = goals.rows.iter().map(|row| [2, 3, 4].map(|cell| row[cell].as_str())).collect();
         assert_eq!(told, [["90", "**missed**", "`svd` 80"], ["50", "kept", "`svd` 40"]]);
+        let rows = [Row::of("projected", vec![Found { db: 44.4, ..found([50.0, 40.0]).remove(0) }])];
+        let mut goals = Goals::default();
+        baked_goals(&mut goals, &rows, 4096, 45.0).unwrap();
+        assert!(goals.rows.iter().all(|row| row[3] == "not tested: short of the dB"), "{:?}", goals.rows);
     }
 
     #[test]
