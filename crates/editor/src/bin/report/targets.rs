@@ -229,12 +229,12 @@ fn cells(subject: &Subject, target_db: f64, coded: &Coded) -> String {
     let judged = &coded.judged;
     let reached = decibels(judged.mean_square());
     format!(
-        "| {reached:.1}{} | {:+.1} | {:.0}× | {:.2} | {:.2}× | {:.0} / {:.0} | {:.2} | {:.0} % | {:.1} + {:.1} |",
+        "| {reached:.1}{} | {:+.1} | {:.0}× | {:.2} | {} | {:.0} / {:.0} | {:.2} | {:.0} % | {:.1} + {:.1} |",
         if reached < target_db - SLACK_DB { ", short of it" } else { "" },
         judged.worst_db() - target_db,
         coded.ratio,
         coded.mean_rank,
-        coded.mean_rank / subject.spectrum.least_mean_rank(judged.mean_square()),
+        over_least_words(over_least(subject, coded), "×"),
         coded.multiply_adds[0],
         coded.multiply_adds[1],
         judged.seams,
@@ -242,6 +242,16 @@ fn cells(subject: &Subject, target_db: f64, coded: &Coded) -> String {
         coded.millis[0],
         coded.millis[1],
     )
+}
+
+/// Mean rank over the least at the error that was reached; `None` where a rank of 0 has no more error.
+fn over_least(subject: &Subject, coded: &Coded) -> Option<f64> {
+    let least = subject.spectrum.least_mean_rank(coded.judged.mean_square());
+    (least > 0.0).then(|| coded.mean_rank / least)
+}
+
+fn over_least_words(ratio: Option<f64>, unit: &str) -> String {
+    ratio.map_or("—".into(), |ratio| format!("{ratio:.2}{unit}"))
 }
 
 /// Two noisy halves against the converged matrix.
@@ -421,9 +431,9 @@ impl Goals {
         if let Some(aim) = aim {
             push("dense / bytes", format!("≥ {aim}×"), ours.ratio >= aim, &|coded| format!("{:.0}×", coded.ratio));
         }
-        let over_least = |coded: &Coded| coded.mean_rank / subject.spectrum.least_mean_rank(coded.judged.mean_square());
-        push("mean rank over the least", "≤ 1.25".into(), over_least(ours) <= 1.25, &|coded| {
-            format!("{:.2}", over_least(coded))
+        let is_kept = over_least(subject, ours).is_some_and(|ratio| ratio <= 1.25);
+        push("mean rank over the least", "≤ 1.25".into(), is_kept, &|coded| {
+            over_least_words(over_least(subject, coded), "")
         });
         let (reached, worst) = (decibels(ours.judged.mean_square()), ours.judged.worst_db());
         push(
@@ -498,6 +508,17 @@ mod tests {
         let told: Vec<[&str; 4]> = goals.rows.iter().map(|row| [1, 2, 3, 4].map(|cell| row[cell].as_str())).collect();
         assert_eq!(told[0], ["≥ 6", "6.0", "kept", "`svd` 6.0"]);
         assert_eq!((told[1][0], told.len()), ("≤ 0", 2));
+    }
+
+    #[test]
+    fn what_is_worse_than_black_has_no_rank_over_the_least() {
+        let over_least_of = |off: f32| {
+            let subject = subject([off; 2]);
+            let coded = subject.coded(METHODS[0], 60.0).unwrap();
+            over_least(&subject, &coded)
+        };
+        assert_eq!([0.0, 2.0].map(|off| over_least_of(off).is_some()), [true, false]);
+        assert_eq!([Some(1.25), None].map(|ratio| over_least_words(ratio, "×")), ["1.25×", "—"]);
     }
 
     #[test]
