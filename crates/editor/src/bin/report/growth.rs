@@ -163,8 +163,8 @@ pub fn write(desk: &Desk) -> Result<String> {
     }
     let mut text = format!(
         "## Growth\n\n\
-         A generated hall of {} triangles under a panel of 8 × 8 texels, {} × {} pixels, {} samples of each, indirect light traced, roulette alone ends\n\
-         paths; then one thing after the other grows (with the pixels, 16 columns and 2 samples; threads beyond those of the machine share its cores). CPU seconds of preparing the scene (hierarchy, lights) and\n\
+         A generated hall of about {} triangles under a panel of 8 × 8 texels, {} × {} pixels, {} samples of each, indirect light traced, roulette alone ends\n\
+         paths; then one thing after the other grows (triangles are those that the hall is asked for, which it has to within a few in a hundred; with the pixels, 16 columns and 2 samples; threads beyond those of the machine share its cores). CPU seconds of preparing the scene (hierarchy, lights) and\n\
          of the bake, and the bake's seconds by the clock, each bake in a process of its own, median (least…greatest) of the seeds {}, fewer where those before took more than {PATIENCE_SECS} s together; of memory, bytes and errors one figure where all of them round to it.\n\
          Memory of the scene is what the process has more when it is prepared (what was freed meanwhile is given back), that of the bake the most that it had beyond this; bytes are those of the file, the error is what the bake tells of itself (truncation and sampling): where it grows, what is kept of noise shrinks, and with it the file. The exponent e of the\n\
          power law y ∝ xᵉ is fitted by least squares of the logarithms of the medians to so many points: left out are no bounces at all, and CPU seconds below {LEAST_SECS}, as they are counted in hundredths. {}\n",
@@ -227,11 +227,13 @@ pub fn one(bench: &str) -> Result<String> {
     trim_freed_memory();
     let with_scene = resident_bytes();
     let before = with_scene.filter(|_| forget_peak());
+    // Threads are started before, as those are that the scene was prepared on.
+    let pool = bench.threads.map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build()).transpose()?;
     let (begun, begun_by_clock) = (process_cpu_secs()?, Instant::now());
     let bake = || job(&scene, bench).run(|_| ControlFlow::Continue(()));
-    let bake = match bench.threads {
+    let bake = match &pool {
         None => bake()?,
-        Some(n) => rayon::ThreadPoolBuilder::new().num_threads(n).build()?.install(bake)?,
+        Some(pool) => pool.install(bake)?,
     };
     let bake = bake.context("nobody stops a bake of the report")?;
     let (bake_secs, clock_secs) = (process_cpu_secs()? - begun, begun_by_clock.elapsed().as_secs_f64());

@@ -41,9 +41,10 @@ pub fn write(desk: &Desk) -> Result<String> {
          Left, blocks of 16 × 16 pixels, each by itself{}; right, the whole picture{} as one matrix. Numbers stored, milliseconds\n\
          and the error in single precision are means per block at rank {TOLD}; the other errors are in double precision, but for `projected`,\n\
          which is single precision by itself, its factors rounded to eleven bits. Columns of a square panel are in the order of Morton's curve,\n\
-         which matters to compressed sensing alone. \"Singular\": the intersection of the chosen rows and columns of a block had no inverse.\n\
+         which matters to compressed sensing alone. \"Singular\": the intersection of the chosen rows and columns of a block had no inverse; where one has no answer,\n\
+         numbers, ratio and time are \"—\".\n\
          {}; all methods in turn, one seed after the other. {checksums}{}\n{tables}",
-        desk.choose(", every sixth of them", ""),
+        desk.choose(", every sixth of them (of the scene of `assets` every other one)", ""),
         desk.choose(", thinned to every fourth pixel across and down,", ""),
         desk.choose(
             format!("Seed {SEED}"),
@@ -118,15 +119,12 @@ fn section(desk: &Desk, title: &str, picture: &Picture, step: usize) -> String {
         }
     }
     for (method, found) in methods.iter().zip(&found) {
-        let told = &found.by_block[NTH_TOLD][0];
-        let millis = found.in_single.iter().map(|of_seed| of_seed.secs * 1e3 / blocks.len() as f64);
         text += &format!(
-            "| `{method}` | {} | {} | {:.0} | {:.0}× | {} | {} | {} |\n",
+            "| `{method}` | {} | {} | {} | {} | {} | {} |\n",
             found.by_block.each_ref().map(|of_rank| words(of_rank, peak)).join(" | "),
             words(&found.in_single, peak),
-            told.n_values / blocks.len() as f64,
-            told.n_entries / told.n_values.max(1.0),
-            tenths(millis.collect()),
+            size_words(&found.by_block[NTH_TOLD], blocks.len()),
+            millis_words(&found.in_single, blocks.len()),
             if method.has_factors() { "yes" } else { "**no**" },
             found.whole.each_ref().map(|of_rank| words(of_rank, peak)).join(" | "),
         );
@@ -215,6 +213,24 @@ fn words(repeats: &[Measured], peak: f64) -> String {
     if differ { tenths(found) } else { tenths(found[..1].to_vec()) }
 }
 
+/// Cells of the numbers stored of a block and of what they are smaller by, with the first seed; “—” where some block has no answer with one.
+fn size_words(repeats: &[Measured], n_blocks: usize) -> String {
+    match repeats.first() {
+        Some(first) if first.failures.is_empty() => {
+            format!("{:.0} | {:.0}×", first.n_values / n_blocks as f64, first.n_entries / first.n_values.max(1.0))
+        }
+        _ => "— | —".into(),
+    }
+}
+
+/// Milliseconds of a block with each seed; “—” where some block has no answer with one of them.
+fn millis_words(repeats: &[Measured], n_blocks: usize) -> String {
+    if repeats.iter().any(|repeat| !repeat.failures.is_empty()) {
+        return "—".into();
+    }
+    tenths(repeats.iter().map(|repeat| repeat.secs * 1e3 / n_blocks as f64).collect())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -245,5 +261,21 @@ mod tests {
         assert!(words(&coarser, 1.0).ends_with(&format!(" ({low:.1}…{high:.1})")), "{}", words(&coarser, 1.0));
         let singular = DMatrix::from_element(40, 30, 1.0);
         assert_eq!(words(&[Measured::new(Method::Alg3(Core::Inverse), &[singular], (4, SEED))], 1.0), "singular");
+    }
+
+    #[test]
+    fn size_and_time_are_told_only_where_every_block_has_an_answer() {
+        let measured = |failures: Vec<MethodError>| Measured {
+            squared_error: 1.0,
+            n_entries: 2000.0,
+            n_values: 500.0,
+            secs: 0.004,
+            failures,
+        };
+        let of_all = [measured(Vec::new())];
+        assert_eq!((size_words(&of_all, 2), millis_words(&of_all, 2)), ("250 | 4×".into(), "2.0".into()));
+        let matrix = DMatrix::from_element(40, 30, 1.0);
+        let of_some = [Measured::new(Method::Alg3(Core::Inverse), &[matrix], (4, SEED))];
+        assert_eq!((size_words(&of_some, 1), millis_words(&of_some, 1)), ("— | —".into(), "—".into()));
     }
 }

@@ -62,7 +62,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Relighting\n\n\
          Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere, random factors of seed {}, coefficients of the seeds from {SEEDS_OF_TURN} times the turn on; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Least…greatest of\n\
          {n_turns} turns, shares by the least: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
-         read (16-bit floats, or bytes with a scale per vector), and the radiance that is written; on a device it is read again, and what is shown is written. On the CPU each is done {REPEATS} times in a row, as in a drag, and the last is timed.\n\
+         read (16-bit floats, or bytes with a scale per vector), and the radiance that is written; on a device it is read again, and what is shown is written. On the CPU each but display alone, which is done once, is done {REPEATS} times in a row, as in a drag, and the last is timed.\n\
          The share is that of what the same memory did in the same turns: read by all threads on the CPU, of far more than caches hold; copied by a kernel on a device. What moves\n\
          little comes from caches, faster than memory is: the last two columns hold it against reading as many bytes again and again.\n\n\
          On a device, *by its clock* is what the device itself notes between the begin of the first stage and the end of the last (project, expand and display are parts of it; sums of segments\n\

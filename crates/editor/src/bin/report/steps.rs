@@ -52,9 +52,11 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Steps of a moved lamp\n\n\
          *Whole* is what the window does from a lamp that has moved to the picture on the screen of 1024 × 768, its own drawing aside: one sample of the direct light of each pixel, the irradiance of\n\
          all {DEFAULT_PATCHES} patches, all columns of the bake (of {SPP} samples per pixel) relit, both summed and encoded, on the CPU or with the graphics device; a lamp that rests for 0.1 s is\n\
-         refined as it is there. A *point, one of 30* moves while the others stand, all of which have had their first light; of it only *whole* is told. The *ies* lamp is a point with a measured distribution; *directional* light comes from 37° above the horizon and is turned, and is as dark as walls leave it. Goals: {} ms on a CPU of two threads, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians of {STEPS} steps, of the whole with least…greatest. The bake has seed 0. Shadow rays that nothing needs\n\
+         refined as it is there. A *point, one of {}* (or of {}) moves while the others stand, all of which have had their first light; of it only *whole* is told. The *ies* lamp is a point with a measured distribution; *directional* light comes from 37° above the horizon and is turned, and is as dark as walls leave it. Goals: {} ms on a CPU of two threads, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians of {STEPS} steps, of the whole with least…greatest. The bake has seed 0. Shadow rays that nothing needs\n\
          are not cast. Where *whole* misses its goal, the columns behind it tell which part takes the time; what a device leaves to the CPU, and what it takes, [decision 0026](decisions/0026-the-device-lights-lamps-and-leaves-what-it-does-not-know.md) tells. `kernel` is the direct light on the graphics device by the device's own clock, `back` when the CPU can read it, `device` when the CPU has added what was left to it.\n\
          {device} {}\n\n{table}",
+        CROWDS[0],
+        CROWDS[1],
         GOALS_MS[0],
         GOALS_MS[1],
         desk.load_words(),
@@ -123,23 +125,22 @@ fn rows(
             let goal_ms = (!gpu.is_software()).then_some(GOALS_MS[1]);
             whole_cells(Window::new(bake, scene, camera, Some(gpu))?, &moved, goal_ms)
         })?;
-        let (mut direct_ms, mut patch_ms, mut device_steps, mut n_rays) = (vec![], vec![], vec![], 0);
+        let (mut direct_steps, mut patch_ms, mut device_steps) = (vec![], vec![], vec![]);
         for nth in 0..STEPS {
             let lamps = PreparedLamps::new(&[moved(nth)], None)?.0;
             let before = points.n_rays();
-            direct_ms.push(timed_ms(|| points.direct(scene, &lamps, 0, &|| false)));
-            n_rays = points.n_rays() - before;
+            let direct_ms = timed_ms(|| points.direct(scene, &lamps, 0, &|| false));
+            direct_steps.push([direct_ms, (points.n_rays() - before) as f64]);
             patch_ms.push(timed_ms(|| lamps.light_on_patches(scene, patches)));
             if let Some(device) = &mut device {
                 device_steps.push(device.step(scene, &points, &lamps)?);
             }
         }
-        let [direct, of_patches] = [direct_ms, patch_ms].map(|times| median(&times).unwrap_or(f64::NAN));
+        let (direct, of_patches) = (direct_cells(&direct_steps), median(&patch_ms).unwrap_or(f64::NAN));
         let on_device = device_cells(&device_steps);
         rows += &format!(
-            "| {name} | {} | {whole} | {with_device} | {direct:.0} ms | {n_rays} | {:.1} M | {of_patches:.0} ms | {on_device} |\n",
+            "| {name} | {} | {whole} | {with_device} | {direct} | {of_patches:.0} ms | {on_device} |\n",
             shape.name(),
-            n_rays as f64 / direct / 1e3,
         );
     }
     if name == OWN {
@@ -223,19 +224,26 @@ struct DeviceStep {
     n_left: usize,
 }
 
+/// Medians of the direct light of steps, given the ms and the shadow rays of each: the time, the rays, and millions of them a second.
+fn direct_cells(steps: &[[f64; 2]]) -> String {
+    let middle = |of: fn(&[f64; 2]) -> f64| median(&steps.iter().map(of).collect::<Vec<_>>()).unwrap_or(f64::NAN);
+    let [ms, n_rays, rate] = [middle(|step| step[0]), middle(|step| step[1]), middle(|step| step[1] / step[0] / 1e3)];
+    format!("{ms:.0} ms | {n_rays:.0} | {rate:.1} M")
+}
+
 /// Medians of the steps on a device, if there were any.
 fn device_cells(steps: &[DeviceStep]) -> String {
-    let Some(last) = steps.last() else { return "— | — | — | —".into() };
+    let shares = steps.iter().map(|step| 100.0 * step.n_left as f64 / STEP.n_pixels() as f64).collect::<Vec<_>>();
+    let Some(left) = median(&shares) else { return "— | — | — | —".into() };
     let middle = |of: &dyn Fn(&DeviceStep) -> Option<f64>| {
         let ms: Option<Vec<f64>> = steps.iter().map(of).collect();
         ms.and_then(|ms| median(&ms)).map_or("—".to_string(), |ms| format!("{ms:.1} ms"))
     };
     format!(
-        "{} | {} | {} | {:.1} %",
+        "{} | {} | {} | {left:.1} %",
         middle(&|step| step.kernel_ms),
         middle(&|step| Some(step.seen_ms)),
         middle(&|step| Some(step.whole_ms)),
-        100.0 * last.n_left as f64 / STEP.n_pixels() as f64,
     )
 }
 
@@ -258,6 +266,15 @@ mod tests {
             let (lamps, remarks) = PreparedLamps::new(&[before], None).unwrap();
             assert!(!lamps.is_empty() && remarks.is_empty(), "{}: {remarks:?}", shape.name());
         }
+    }
+
+    #[test]
+    fn parts_of_steps_are_told_by_the_medians_of_each() {
+        assert_eq!(direct_cells(&[[10.0, 1e4], [20.0, 4e4], [40.0, 2e4]]), "20 ms | 20000 | 1.0 M");
+        let step = |n_left: usize| DeviceStep { kernel_ms: None, seen_ms: 1.0, whole_ms: 2.0, n_left };
+        let steps = [STEP.n_pixels() / 2, STEP.n_pixels() / 4, 0].map(step);
+        assert_eq!(device_cells(&steps), "— | 1.0 ms | 2.0 ms | 25.0 %");
+        assert_eq!(device_cells(&[]), "— | — | — | —");
     }
 
     #[test]

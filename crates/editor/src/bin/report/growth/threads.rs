@@ -22,6 +22,8 @@ use crate::hardware;
 const TURNS: [usize; 2] = [3, 7];
 /// Rays of a pass of the bare loop.
 const N_RAYS: usize = 200_000;
+/// Samples per pixel of the bake.
+const SPP: u32 = 8;
 /// What is aimed at.
 const AIM: f64 = 0.95;
 
@@ -35,6 +37,7 @@ pub fn write(desk: &Desk, section: &str) -> Result<String> {
         hardware::NAME => (TURNS[0], " of that machine"),
         _ => (desk.choose(TURNS[0], TURNS[1]), ""),
     };
+    let film = film(desk);
     let available = std::thread::available_parallelism().map_or(1, usize::from);
     let mut counts: Vec<usize> =
         std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n < available).collect();
@@ -43,10 +46,13 @@ pub fn write(desk: &Desk, section: &str) -> Result<String> {
     let rows: String = counts.iter().zip(&measured).map(|(n, many)| row(*n, &measured[0], many)).collect();
     Ok(format!(
         "\n### Threads{of}\n\n\
-         A bake of the hall, and a bare loop over {N_RAYS} rays that scatter from what the camera sees, seconds by the clock, all numbers of threads in turn, {turns} times. Of each turn:\n\
+         A bake of the hall, {} × {} pixels of {SPP} samples, and a bare loop of {} passes over about {N_RAYS} rays that scatter from what the camera sees, seconds by the clock, all numbers of threads in turn, {turns} times. Of each turn:\n\
          how many times as fast it was as on one thread, and the bake's part of the loop's gain (aimed at: {AIM} in the median). Other work on the machine can make\n\
          a turn look better than threads can be. All are median (least…greatest). {}\n\n\
          | threads | bake, s | rays, s | bake, times as fast | rays, times as fast | bake / rays |\n|---|---|---|---|---|---|\n{rows}",
+        film.width,
+        film.height,
+        passes(desk),
         desk.load_words(),
     ))
 }
@@ -72,21 +78,31 @@ fn row(n_threads: usize, alone: &[[f64; 2]], many: &[[f64; 2]]) -> String {
     )
 }
 
+/// Of the picture that is baked.
+fn film(desk: &Desk) -> Film {
+    desk.choose(Film { width: 64, height: 48 }, Film { width: 320, height: 240 })
+}
+
+/// Times that the loop goes over its rays.
+fn passes(desk: &Desk) -> usize {
+    desk.choose(4, 40)
+}
+
 /// Seconds of a bake and of the loop, by number of threads and turn.
 fn measured(desk: &Desk, counts: &[usize], turns: usize) -> Result<Vec<Vec<[f64; 2]>>> {
-    let film = desk.choose(Film { width: 64, height: 48 }, Film { width: 320, height: 240 });
+    let film = film(desk);
     let bench = Bench {
         triangles: 100_000,
         side: 8,
         size: [film.width, film.height],
-        spp: 8,
+        spp: SPP,
         bounces: None,
         threads: None,
         seed: 1,
     };
     let scene = room::prepared(bench.triangles, bench.side)?;
     let rays = scattered(&scene, film);
-    let passes = desk.choose(4, 40);
+    let passes = passes(desk);
     let mut secs = vec![Vec::new(); counts.len()];
     for turn in 0..turns {
         for (secs, &n) in secs.iter_mut().zip(counts) {

@@ -39,7 +39,7 @@ pub struct Place {
     pub noise: f64,
     /// Share of the indirect light that is found.
     pub energy: f64,
-    /// Share of the error that stands in the worst pixels; `None` where no error is left beside the noise.
+    /// Share of the error that stands in the worst pixels; `None` where it is less than its standard error.
     pub in_worst: Option<f64>,
     /// PSNR of the whole picture, and of the noise of its references, dB.
     pub psnr_db: [f64; 2],
@@ -52,11 +52,16 @@ pub fn n_worst(n_pixels: usize) -> usize {
     ((n_pixels as f64 * WORST) as usize).max(1)
 }
 
-/// Squared errors of some pixels, summed, as no less than what is known of them.
-fn known(squares: &[[f64; 2]]) -> f64 {
+/// The squared errors of some pixels.
+fn summed(squares: &[[f64; 2]]) -> Sum {
     let mut sum = Sum::default();
     squares.iter().for_each(|[off, _]| sum.add(*off));
-    sum.mean_at_least_known() * squares.len() as f64
+    sum
+}
+
+/// The same in all, as no less than what is known of them.
+fn known(squares: &[[f64; 2]]) -> f64 {
+    summed(squares).mean_at_least_known() * squares.len() as f64
 }
 
 /// Squares, summed over a picture, of the noise of the mean of two references of a lamp's indirect light, and of that light.
@@ -126,7 +131,7 @@ impl Pictures<'_> {
             l2: [l2(known(&squares), light), l2(known(rest), sum(rest, 1))],
             noise: l2(noise, light),
             energy: found / there,
-            in_worst: (off > 0.0).then(|| of_worst / off),
+            in_worst: (off > 0.0 && !summed(&squares).is_noise()).then(|| of_worst / off),
             psnr_db: self.psnr_db(),
             lamp_psnr_db: self.lamp_psnr_db(),
         }
@@ -221,6 +226,24 @@ mod tests {
         let place = Pictures { of_patches: &dark, live: [&dark, &dark], ..pictures }.place(3, 0.5);
         assert!((place.l2[0] - 1.0).abs() < 1e-9, "{place:?}");
         assert_eq!(place.energy, 0.0);
+    }
+
+    #[test]
+    fn no_pixels_share_an_error_that_is_less_than_its_standard_error() {
+        let (dark, ones) = (gray(&[0.0; 4]), gray(&[1.0; 4]));
+        // Of the products 1, −1, 1 and −0.5 the mean is an eighth, its standard error more than three times that.
+        let live = [gray(&[1.0; 4]), gray(&[1.0, -1.0, 1.0, -0.5])];
+        let pictures = Pictures {
+            of_patches: &ones,
+            live: [&live[0], &live[1]],
+            direct: [&dark, &dark],
+            references: [&ones, &ones],
+            own: &dark,
+            own_references: [&dark, &dark],
+        };
+        assert_eq!(pictures.place(0, 1.0).in_worst, None);
+        let known = Pictures { live: [&live[0], &live[0]], ..pictures };
+        assert_eq!(known.place(0, 1.0).in_worst, Some(0.25));
     }
 
     #[test]

@@ -179,7 +179,7 @@ impl Told {
             | scene | patches | samples | columns | held out | places | drowned | L2 | without worst | noise | energy, least to most | PSNR | of the noise | file without \
             | of patches | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n{}\n\
             ### Place by place, {DEFAULT_PATCHES} patches{of}\n\n\
-            *In the worst* is the share of the squared error that stands in these {:.1} % of the pixels; a share of more than all says that the others \
+            *In the worst* is the share of the squared error that stands in these {:.1} % of the pixels, \"—\" where that error is less than its standard error; a share of more than all says that the others \
             have less than no error beside noise. *Alone* is the PSNR of the lamp's light without that of the file, direct and indirect. \
             Places keep the numbers that they were drawn by.\n\n\
             | scene | place | height above the nearest surface | noise | L2 | energy | in the worst | PSNR | alone |\n|---|---|---|---|---|---|---|---|---|\n{}\n\

@@ -8,6 +8,7 @@ use clerestory_relight::Radiance;
 use rayon::prelude::*;
 
 use super::npz;
+use crate::fit::median;
 
 /// Channels of a pixel.
 pub const CHANNELS: usize = 3;
@@ -64,12 +65,12 @@ impl Picture {
 
     /// Median over the columns of the value that 99.5 % of a column's entries do not exceed.
     pub fn peak(&self) -> f64 {
-        let quantile = |mut values: Vec<f32>, share: f64| {
-            let last = values.len() - 1;
-            *values.select_nth_unstable_by((last as f64 * share).round() as usize, f32::total_cmp).1
+        let peak = |column: usize| {
+            let mut values: Vec<f32> = self.values.iter().skip(column).step_by(self.n_cols).copied().collect();
+            let nth = ((values.len() - 1) as f64 * PEAK_QUANTILE).round() as usize;
+            f64::from(*values.select_nth_unstable_by(nth, f32::total_cmp).1)
         };
-        let column = |column: usize| self.values.iter().skip(column).step_by(self.n_cols).copied().collect();
-        f64::from(quantile((0..self.n_cols).map(|c| quantile(column(c), PEAK_QUANTILE)).collect(), 0.5))
+        median(&(0..self.n_cols).map(peak).collect::<Vec<f64>>()).expect("a picture has columns")
     }
 
     /// Every `step`-th block of 16 × 16 pixels, counted along the rows of blocks.
@@ -195,6 +196,9 @@ mod tests {
         // 200 entries a column: the 199th, by size.
         let values = (0..200).flat_map(|i| [i as f32, 10.0 * i as f32, 100.0 * i as f32]).collect();
         assert_eq!(Picture { width: 1, height: 200, n_cols: 3, values }.peak(), 1980.0);
+        // Of two columns the mean of both.
+        let values = (0..200).flat_map(|i| [i as f32, 3.0 * i as f32]).collect();
+        assert_eq!(Picture { width: 1, height: 200, n_cols: 2, values }.peak(), 396.0);
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Lights on a panel, and the mean of their pictures' PSNR.
 
+use anyhow::Result;
 use clerestory::compare::compare;
+use clerestory_relight::Radiance;
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::light::{LightRig, PanelSpot};
 
@@ -36,10 +38,19 @@ pub(super) fn lights(side: usize) -> Vec<Vec<[f32; 3]>> {
 pub(super) fn psnr_db(truth: &Picture, found: &Picture) -> f64 {
     let lights = lights(truth.n_cols.isqrt());
     let psnr = |light: &Vec<[f32; 3]>| {
-        let compared = compare(&found.relit(light), &truth.relit(light)).ok();
-        compared.map_or(f64::NAN, |compared| compared.psnr_db.unwrap_or(BEST_DB))
+        told_psnr_db(&found.relit(light), &truth.relit(light)).expect("both matrices are of one picture")
     };
     lights.iter().map(psnr).sum::<f64>() / lights.len() as f64
+}
+
+/// PSNR of a picture against another one in dB, no better than the best that is told; 0, the worst, of one with values that are no numbers.
+///
+/// # Errors
+/// If their sizes differ.
+pub(super) fn told_psnr_db(found: &Radiance, truth: &Radiance) -> Result<f64> {
+    let has_nan = found.pixels.iter().flatten().any(|value| value.is_nan());
+    let told = compare(found, truth)?.psnr_db.map_or(BEST_DB, |db| db.min(BEST_DB));
+    Ok(if has_nan { 0.0 } else { told })
 }
 
 #[cfg(test)]
@@ -56,5 +67,15 @@ mod tests {
         assert_eq!(psnr_db(&picture, &picture), BEST_DB);
         let darker = Picture { values: picture.values.iter().map(|x| 0.9 * x).collect(), ..picture };
         assert!(psnr_db(&picture, &darker) < 40.0);
+    }
+
+    #[test]
+    fn nothing_is_told_as_better_than_the_best_and_no_number_as_the_worst() {
+        let picture = |value: f32| Radiance { width: 2, height: 1, pixels: vec![[value; 3]; 2] };
+        // 6e-8 off, below four times the median: 156 dB.
+        let nearly = told_psnr_db(&picture(1.0 - 0.5 * f32::EPSILON), &picture(1.0)).unwrap();
+        assert_eq!((nearly, told_psnr_db(&picture(1.0), &picture(1.0)).unwrap()), (BEST_DB, BEST_DB));
+        assert_eq!(told_psnr_db(&picture(f32::NAN), &picture(1.0)).unwrap(), 0.0);
+        assert!(told_psnr_db(&picture(1.0), &Radiance::default()).is_err());
     }
 }

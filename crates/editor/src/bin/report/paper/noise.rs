@@ -21,7 +21,7 @@ use crate::methods::dense::Picture;
 use crate::methods::own;
 use crate::plot::{Axis, Panel, Scale, Series};
 use crate::prints::{enlarged, jpeg};
-use crate::targets::coded::Subject;
+use crate::targets::coded::{Coding, Subject};
 
 /// Rank of the rival; what ours and bakes are asked for in dB, as a bake is that is told nothing: mostly more than noise lets them reach.
 const RANK: usize = 16;
@@ -165,7 +165,8 @@ fn answers(desk: &Desk, path: &Path, spp: u32, seed: u64) -> Result<[Option<Pict
     let sampled = Picture { values: mean.values.clone(), ..mean };
     let unit = mean.peak();
     let subject = Subject::new(mean, Some(halves));
-    let mut ours = subject.truth.unpacked(&subject.coded(Method::Projected, TOLERANCE_DB.into())?.matrix);
+    let coding = Coding { seed, ..Coding::default() };
+    let mut ours = subject.truth.unpacked(&subject.coded_as(coding, TOLERANCE_DB.into())?.matrix);
     ours.values.iter_mut().for_each(|value| *value *= unit as f32);
     let scene = import::load(path).with_context(|| format!("cannot load {}", path.display()))?.scene;
     let scene = Arc::new(PreparedScene::new(scene, &[])?.0);

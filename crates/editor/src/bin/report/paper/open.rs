@@ -74,7 +74,7 @@ fn measured(desk: &Desk, scene: &str, sky: &str) -> Result<(String, Vec<u8>)> {
         "\n### A building under a measured sky\n\n\
          `sponza-dabrovic` under `vestibule_1k.hdr`, {} columns, {size} pixels, {spp} samples per pixel (seed {}) in {} s, {:.2} MB in the first file; then its lamp is turned off and the sky is\n\
          turned. Beside it path-traced pictures a and b under the same sky, {trace_spp} samples each (seeds {}). The error of the relit picture x is the mean of (x − a)(x − b), that of a traced one\n\
-         the mean of (a − x)(a − b), below the square of the 99.5 percentile; neither counts the noise of what it is held against. All with median (least…greatest) of the bakes; ± is the standard error\n\
+         the mean of (a − x)(a − b), below the square of the 99.5 percentile; neither counts the noise of what it is held against, and both are told as no less than their standard errors. Of several bakes median (least…greatest); ± is the standard error\n\
          of the traced means. The sky as it was baked has a column of its own, a turned one is made of patches about 12° wide: what of a patch gets in through an opening depends on where in it\n\
          the light stands, so that a turned sky is only as right as its patches are ([decision 0025](decisions/0025-the-baked-sky-has-a-column-of-its-own.md)).\n\n\
          | turned by | relit, dB | traced, dB | means off, R / G / B, % | against the first relit picture, PSNR, dB |\n|---|---|---|---|---|\n{rows}",
@@ -107,7 +107,8 @@ fn means_off(relit: &[Radiance], [a, b]: &[Radiance; 2], channel: usize) -> Stri
     let [least, median, greatest] = spread(&off);
     let apart = |(a, b): (&[f32; 3], &[f32; 3])| (f64::from(a[channel]) - f64::from(b[channel])).powi(2);
     let squares: f64 = a.pixels.iter().zip(&b.pixels).map(apart).sum();
-    format!("{median:+.1} ({least:+.1}…{greatest:+.1}) ± {:.1}", 100.0 * squares.sqrt() / both)
+    let ends = if off.len() > 1 { format!(" ({least:+.1}…{greatest:+.1})") } else { String::new() };
+    format!("{median:+.1}{ends} ± {:.1}", 100.0 * squares.sqrt() / both)
 }
 
 #[cfg(test)]
@@ -125,5 +126,6 @@ mod tests {
         let traced = [0, 1].map(|half| picture(&|nth| if nth % 2 == half { 1.1 } else { 0.9 }));
         let relit = [1.1, 1.05, 1.2].map(|level| picture(&|_| level));
         assert_eq!(means_off(&relit, &traced, 1), "+10.0 (+5.0…+20.0) ± 1.0");
+        assert_eq!(means_off(&relit[..1], &traced, 1), "+10.0 ± 1.0", "one bake has no ends");
     }
 }

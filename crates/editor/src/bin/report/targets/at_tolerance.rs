@@ -9,7 +9,7 @@ use clerestory_transport::camera::Film;
 use serde::{Deserialize, Serialize};
 
 use super::traced::{Asked, Found, HEAD, Limits, MOST_RANK, RIVAL_RANK, Row, Singular, Traced, rows, with_matrix};
-use super::{Goals, RCONDS, SLACK_DB, Told};
+use super::{Goals, SLACK_DB, Told, rconds, rconds_words};
 use crate::desk::Desk;
 use crate::fit::{listed, wholes};
 use crate::methods::dense::TILE;
@@ -67,7 +67,7 @@ pub(super) fn write(desk: &Desk) -> Result<Told> {
          each other's enough for {TOLERANCE_DB} dB, at most {} per pixel, and no more once half of {} s is over. All methods get the same samples, and are packed as a bake is; the noise of neighbors is not\n\
          taken out. Errors as both halves tell them, of ours and of others alike; the ratio is that of a whole picture of such blocks, what a file has once counted whole (its header aside); it is tested where no more than {SLACK_DB} dB are lacking. `svd` is the best there is\n\
          at equal rank of what was sampled: like the others it knows no noise from signal. Algorithm 4 has that threshold of {} that suits it best; ranks of it and of `row-id` end at {RIVAL_RANK}, as in bakes. Median (least…greatest)\n\
-         of the seeds {} of the walks where more than one is told with ours, else of k-means.\n\n\
+         of the seeds {} of the walks where more than one is told with ours, else of k-means; samples that were allowed at the end, and the blocks that took all of them, are the most of these seeds.\n\n\
          | scene | {HEAD}|---|---|---|---|---|---|---|---|---|\n",
         step(desk),
         FILM.width,
@@ -75,8 +75,8 @@ pub(super) fn write(desk: &Desk) -> Result<Told> {
         SIDE * SIDE,
         2 * desk.choose(MOST[0], MOST[1]),
         desk.choose(SECS[0], SECS[1]),
-        RCONDS.map(|rcond| rcond.to_string()).join(", "),
-        listed(SEEDS),
+        rconds_words(rconds(desk)),
+        listed(&SEEDS[..desk.choose(1, SEEDS.len())]),
     );
     for scene in &scenes {
         let row = |row: &Row| format!("| {} | {}", scene.name, row.cells(scene.n_blocks, TOLERANCE_DB));
@@ -101,7 +101,7 @@ fn of_scene(desk: &Desk, name: &str, seeds: &[u64]) -> Result<OfScene> {
     let time = Duration::from_secs(desk.choose(SECS[0], SECS[1]));
     let limits = Limits { first: FIRST, most: desk.choose(MOST[0], MOST[1]), time };
     let mut all: Option<OfScene> = None;
-    let mut rconds = RCONDS[..desk.choose(1, RCONDS.len())].to_vec();
+    let mut rconds = rconds(desk).to_vec();
     for &seed in seeds {
         desk.say(&format!("tracing blocks of {name} to {TOLERANCE_DB} dB, seed {seed}"));
         let traced = with_matrix(desk, (name, SIDE), (FILM, seed), |matrix| {
@@ -168,10 +168,18 @@ pub fn words(found: &Found) -> String {
     format!("{:.0}× at {:.1} dB", found.ratio, found.db)
 }
 
+/// The verdict on what was not reached at its error.
+pub const SHORT: &str = "not tested: short of the dB";
+
+/// Whether more is lacking of a tolerance than counts for any method.
+pub fn is_short(found: &Found, tolerance_db: f64) -> bool {
+    found.db < tolerance_db - SLACK_DB
+}
+
 /// Whether a ratio is kept, if it is one at the tolerance, as nearly as counts for all methods.
 pub fn verdict(found: &Found, aim: f64, tolerance_db: f64) -> String {
-    if found.db < tolerance_db - SLACK_DB {
-        return "not tested: short of the dB".into();
+    if is_short(found, tolerance_db) {
+        return SHORT.into();
     }
     if found.ratio >= aim { "kept".into() } else { "**missed**".into() }
 }

@@ -4,6 +4,7 @@ use clerestory_nystrom::rivals::DMatrix;
 use clerestory_nystrom::{BlockLowRank, Partition};
 use rayon::prelude::*;
 
+use crate::errors::Sum;
 use crate::methods::dense::{CHANNELS, Picture, TILE};
 
 /// Errors, the peak of the truth being 1.
@@ -121,6 +122,16 @@ fn seams([a, b]: [&Picture; 2]) -> f64 {
     if within < 0.0 || across < 0.0 { f64::NAN } else { (across / within).sqrt() }
 }
 
+/// Whether the mean of the products of the differences to two truths is less than its standard error over the pixels: entries of one are
+/// not independent of each other.
+pub fn is_noise([a, b]: [&Picture; 2]) -> bool {
+    let (len, mut sum) = (CHANNELS * a.n_cols, Sum::default());
+    for (a, b) in a.values.chunks_exact(len).zip(b.values.chunks_exact(len)) {
+        sum.add(a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum());
+    }
+    sum.is_noise()
+}
+
 /// The rows of a pixel.
 fn entries_of(errors: &Picture, pixel: usize) -> &[f32] {
     let len = CHANNELS * errors.n_cols;
@@ -223,6 +234,16 @@ mod tests {
             values: (0..32 * 16 * 3).map(|i| sign * (i / 3 % 32) as f32).collect(),
         });
         assert!(seams([&a, &b]).is_nan(), "all steps are less than nothing: {}", seams([&a, &b]));
+    }
+
+    #[test]
+    fn an_error_below_its_standard_error_over_the_pixels_is_noise() {
+        // Of every two pixels the products are 4 and −3: 0.5 in the mean, known to 3.5 over the root of 512.
+        let b = picture(|x| if x % 2 == 0 { 1.0 } else { -1.0 });
+        let is_noise = |a: fn(usize) -> f32| is_noise([&picture(a), &b]);
+        assert!(!is_noise(|x| if x % 2 == 0 { 4.0 } else { 3.0 }), "0.5 is more than 0.15");
+        assert!(is_noise(|x| if x % 2 == 0 { 4.0 } else { 3.75 }), "0.125 is less than 0.17");
+        assert!(is_noise(|x| if x % 2 == 0 { 1.0 } else { 2.0 }), "less than nothing");
     }
 
     #[test]

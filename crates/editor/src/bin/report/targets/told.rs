@@ -8,7 +8,7 @@ use clerestory_transport::import;
 use clerestory_transport::prepared::PreparedScene;
 use serde::{Deserialize, Serialize};
 
-use super::judged::{Judged, decibels};
+use super::judged::{Judged, decibels, is_noise};
 use super::{Goals, Told};
 use crate::desk::Desk;
 use crate::fit::{hundredths, listed, median, tenths_known};
@@ -37,6 +37,8 @@ const LEAST_DB: f64 = 25.0;
 struct Found {
     /// Of the whole picture; `None` where the noise of the references is all that there is.
     db: Option<f64>,
+    /// Whether that error is less than its standard error.
+    is_noise: bool,
     /// As [`Judged::n_told`] has it.
     n_told: [usize; 3],
     /// As [`Judged`] has it; `None` as there.
@@ -63,7 +65,7 @@ pub(super) fn write(desk: &Desk) -> Result<Told> {
          once they are as exact as asked. They are held against two references of {reference_spp} samples per pixel each (both halves of seed {}), neither compressed nor denoised. A block's error is the mean of (x − a)(x − b) over its entries, and steps of it\n\
          from pixel to pixel are multiplied alike, so that noise of the references does not count; each column in the scale that bakes tell their errors in, lights that are seen left out. Told: blocks of all seeds that tell their error to between\n\
          0.8 and 1.25 of it, root mean square, of those whose error is known; hidden are those whose error is less than the noise of the mean of both references, the mean of (a − b)² / 4. dB and seams are of all\n\
-         blocks, median (least…greatest) of the seeds; \"—\" where noise of the references is all that there is. How well errors are told is judged where {LEAST_KNOWN} blocks of a scene are known, and seams\n\
+         blocks, median (least…greatest) of the seeds; \"—\" where noise of the references is all that there is: where an error is less than its standard error over the pixels, or steps are less than nothing. How well errors are told is judged where {LEAST_KNOWN} blocks of a scene are known, and seams\n\
          by each way of which they are known; below {LEAST_DB} dB they can be missed, but not kept, as noise within blocks is what steps at borders are held against.\n\n\
          | scene | samples | asked for | dB | told | hidden | seams |\n|---|---|---|---|---|---|---|\n{rows}",
         film.width,
@@ -104,6 +106,7 @@ impl Found {
         let judged = Judged::of_errors([&a, &b], &header.partition(), told);
         Found {
             db: Some(judged.mean_square()).filter(|square| *square > 0.0).map(decibels),
+            is_noise: is_noise([&a, &b]),
             n_told: judged.n_told(),
             seams: Some(judged.seams).filter(|seams| seams.is_finite()),
         }
@@ -129,6 +132,11 @@ fn dbs(found: &[Found]) -> Vec<Option<f64>> {
     found.iter().map(|found| found.db).collect()
 }
 
+/// Of those that are more than their standard errors.
+fn known_dbs(found: &[Found]) -> Vec<Option<f64>> {
+    found.iter().map(|found| found.db.filter(|_| !found.is_noise)).collect()
+}
+
 /// Seams of some bakes; `None` where one of them is not known.
 fn seams(found: &[Found]) -> Option<Vec<f64>> {
     found.iter().map(|found| found.seams).collect()
@@ -148,7 +156,7 @@ fn row(name: &str, (spp, asked_db): Way, found: &[Found]) -> String {
     format!(
         "| {name} | {spp} | {} | {} | {well} of {known} | {} of {all} | {} |\n",
         asked_db.map_or("all samples".into(), |db| format!("{db} dB")),
-        tenths_known(&dbs(found)),
+        tenths_known(&known_dbs(found)),
         all - known,
         seams(found).map_or("—".into(), hundredths),
     )
@@ -160,7 +168,7 @@ fn add_goals(goals: &mut Goals, name: &str, ways: &[Vec<Found>]) {
     let what = format!("errors that the halves tell to 0.8 … 1.25, %, bakes of `{name}`");
     let [well, known, _] = n_told(ways.iter().flatten());
     let share = 100.0 * well as f64 / known as f64;
-    let words = format!("{share:.0}, {well} of {known}");
+    let words = format!("{share:.1}, {well} of {known}");
     match known {
         0 => goals.figure(what, HIDDEN, "—".into()),
         1..LEAST_KNOWN => goals.figure(what, "too few blocks are known", words),
@@ -186,7 +194,7 @@ mod tests {
     use super::*;
 
     fn found(db: f64, n_told: [usize; 3], seams: Option<f64>) -> Found {
-        Found { db: Some(db), n_told, seams }
+        Found { db: Some(db), is_noise: false, n_told, seams }
     }
 
     #[test]
@@ -194,8 +202,11 @@ mod tests {
         let of_seeds = [found(30.0, [9, 12, 12], Some(1.1)), found(32.0, [8, 10, 12], Some(1.3))];
         let words = row("diffuse", WAYS[1], &of_seeds);
         assert_eq!(words, "| diffuse | 64 | 35 dB | 31.0 (30.0…32.0) | 17 of 22 | 2 of 24 | 1.20 (1.10…1.30) |\n");
-        let words = row("mixed", WAYS[0], &[Found { db: None, n_told: [0, 0, 12], seams: None }]);
+        let words = row("mixed", WAYS[0], &[Found { db: None, is_noise: true, n_told: [0, 0, 12], seams: None }]);
         assert_eq!(words, "| mixed | 16 | all samples | — | 0 of 0 | 12 of 12 | — |\n");
+        let noisy = Found { is_noise: true, ..found(50.0, [0, 1, 12], None) };
+        let words = row("mixed", WAYS[0], &[found(50.0, [1, 1, 12], None), noisy]);
+        assert_eq!(words, "| mixed | 16 | all samples | — | 1 of 2 | 22 of 24 | — |\n");
     }
 
     #[test]
@@ -207,14 +218,14 @@ mod tests {
         };
         let both = [vec![found(30.0, [10, 10, 12], Some(1.1))], vec![found(35.0, [8, 10, 12], Some(1.25))]];
         let words = told(&both);
-        assert_eq!(words[0], ["≥ 90", "90, 18 of 20", "kept"]);
+        assert_eq!(words[0], ["≥ 90", "90.0, 18 of 20", "kept"]);
         assert_eq!(words[1], ["≤ 1.2", "1.10, 1.25", "**missed**"]);
         let hidden = told(&[vec![found(60.0, [0, 0, 12], None)]]);
         let nothing = ["less than the noise of the references", "—", "—"];
         assert_eq!(hidden, [nothing, nothing]);
         // Seams of the way that is known count, and few blocks are no verdict.
         let half_hidden = told(&[vec![found(30.0, [5, 11, 12], Some(1.3))], vec![found(60.0, [0, 0, 12], None)]]);
-        assert_eq!(half_hidden[0], ["too few blocks are known", "45, 5 of 11", "—"]);
+        assert_eq!(half_hidden[0], ["too few blocks are known", "45.5, 5 of 11", "—"]);
         assert_eq!(half_hidden[1], ["≤ 1.2", "1.30", "**missed**"]);
     }
 

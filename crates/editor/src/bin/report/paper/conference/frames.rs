@@ -3,15 +3,14 @@
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use clerestory::compare::compare;
 use clerestory_relight::bandwidth::ReadProbe;
 use clerestory_relight::{CpuRelighter, DeviceChoice, DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight};
 use clerestory_transport::bake::Bake;
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::light::LightRig;
 
+use super::super::lights::told_psnr_db;
 use crate::desk::Desk;
-use crate::errors::BEST_DB;
 use crate::fit::{digits, median, spread_words};
 use crate::goal::Goal;
 use crate::methods::planes::Planes;
@@ -117,7 +116,7 @@ impl Racers<'_> {
             taken.insert(1, dense(rig, &mut full)?);
             ways.iter_mut().zip(taken).for_each(|(way, millis)| way.millis.push(millis));
             memory = memory.max(probe.bytes_per_sec(u64::MAX));
-            psnr_db += compare(&ours.shown, &full)?.psnr_db.unwrap_or(BEST_DB) / rigs.len() as f64;
+            psnr_db += told_psnr_db(&ours.shown, &full)? / rigs.len() as f64;
         }
         let n_written = RADIANCE_BYTES * (self.frame.width * self.frame.height) as usize;
         ways[0].n_bytes = Some(ours.cpu.stats().n_bytes as usize + n_written);
@@ -169,7 +168,7 @@ fn table(ways: &[Way], memory: f64) -> String {
         format!("| {} | {words} | {megabytes} | {rate} | {share} | {} |\n", way.name, PAPER.word(millis))
     };
     format!(
-        "Milliseconds by the clock, median (least…greatest); megabytes that must move: factors as ours keeps them in memory, or the full matrix in single precision, laid out\n\
+        "Milliseconds by the clock, on the CPU until the radiance is there, on a device until the picture for the display is, waited for; median (least…greatest). Megabytes that must move: factors as ours keeps them in memory, or the full matrix in single precision, laid out\n\
          so that it is read once from front to back and asked for ahead, and the radiance that is written. Memory was read at {:.1} GB/s at best in the same turns, of which each way reaches the share that is told. {}\n\
          The paper tells less than a second on the GPU of a laptop of its day.\n\n\
          | what | ms per frame | MB | GB/s | of memory | under 1 s, as the paper |\n|---|---|---|---|---|---|\n{}",

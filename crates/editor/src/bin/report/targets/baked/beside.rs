@@ -12,9 +12,9 @@ use super::worst_words;
 use crate::desk::Desk;
 use crate::fit::listed;
 use crate::methods::dense::TILE;
-use crate::targets::RCONDS;
 use crate::targets::at_tolerance::{FILM, every};
 use crate::targets::traced::{Asked, HEAD, Limits, MOST_RANK, RIVAL_RANK, Row, Singular, Traced, rows, with_matrix_of};
+use crate::targets::{rconds, rconds_words};
 
 /// Every so manyth block is traced, as in the ratios at 40 dB.
 const STEP: usize = 47;
@@ -36,6 +36,9 @@ pub(super) struct Beside {
     most_spp: u32,
     /// Samples of a pixel, mean and most.
     spp: [f64; 2],
+    /// Thresholds that Algorithm 4 was tried with, and seeds of its k-means.
+    rconds: Vec<f64>,
+    seeds: Vec<u64>,
     rows: Vec<Row>,
 }
 
@@ -52,24 +55,19 @@ pub(super) fn measured(desk: &Desk, (name, path): (&str, &Path), (side, toleranc
     let traced = with_matrix_of(path, side, (FILM, WALK_SEED), |matrix| {
         Traced::new(matrix, (&partition, &blocks), tolerance_db, limits)
     })?;
-    let rconds = RCONDS[..desk.choose(1, RCONDS.len())].to_vec();
-    let asked = Asked {
-        tolerance_db,
-        rconds: &rconds,
-        seeds: &SEEDS[..desk.choose(1, SEEDS.len())],
-        others: &[Method::RowId],
-        rival_rank: RIVAL_RANK,
-    };
+    let (rconds, seeds) = (rconds(desk), &SEEDS[..desk.choose(1, SEEDS.len())]);
+    let asked = Asked { tolerance_db, rconds, seeds, others: &[Method::RowId], rival_rank: RIVAL_RANK };
     let singular = Singular::new(&traced, MOST_RANK)?;
     let (rows, _) = rows(desk, (name, &traced), &singular, &asked)?;
     let (n_blocks, n_open, most_spp) = (traced.blocks.len(), traced.n_open, 2 * traced.most);
-    Ok(Beside { n_blocks, n_open, most_spp, spp: traced.spp(), rows })
+    let (rconds, seeds) = (rconds.to_vec(), seeds.to_vec());
+    Ok(Beside { n_blocks, n_open, most_spp, spp: traced.spp(), rconds, seeds, rows })
 }
 
 impl Beside {
     /// A chapter.
     pub(super) fn text(&self, name: &str, tolerance_db: f64) -> String {
-        let Beside { n_blocks, n_open, most_spp, spp: [mean, most], rows } = self;
+        let Beside { n_blocks, n_open, most_spp, spp: [mean, most], rconds, seeds, rows } = self;
         let ours = rows.first().and_then(Row::middle);
         let worst = ours.map_or("none".into(), |found| worst_words(found.worst_db, tolerance_db));
         let row = |row: &Row| format!("| {}", row.cells(*n_blocks, tolerance_db));
@@ -79,8 +77,8 @@ impl Beside {
              per pixel in the mean, {most:.0} at most, of {most_spp} that were allowed at the end; {n_open} blocks took all of them. All methods get the same samples, walks of seed {WALK_SEED}, and are measured and packed as in the ratios at 40 dB of the\n\
              section [Targets](#targets). Algorithm 4 has that threshold of {} that suits it best, and where more than one is told the seeds {} of k-means, median (least…greatest). Worst block of ours, in dB: {worst}.\n\n\
              | {HEAD}|---|---|---|---|---|---|---|---|\n{}",
-            RCONDS.map(|rcond| rcond.to_string()).join(", "),
-            listed(SEEDS),
+            rconds_words(rconds),
+            listed(seeds),
             rows.iter().map(row).collect::<String>(),
         )
     }
@@ -104,9 +102,14 @@ mod tests {
         };
         let row = |name: &str, found: Found| Row::of(name, vec![found]);
         let rows = vec![row("projected", found(900.0, 30.9)), row("svd", found(40.0, 33.0))];
-        let beside = Beside { n_blocks: 16, n_open: 1, most_spp: 2048, spp: [99.6, 2048.0], rows };
+        let (rconds, seeds) = (vec![1e-2], vec![1]);
+        let beside = Beside { n_blocks: 16, n_open: 1, most_spp: 2048, spp: [99.6, 2048.0], rconds, seeds, rows };
         let told = beside.text("a hall", 35.0);
         assert!(told.contains("100 samples\nper pixel in the mean, 2048 at most, of 2048 that were allowed"), "{told}");
+        assert!(
+            told.contains("threshold of 0.01 that suits it best, and where more than one is told the seeds 1 of"),
+            "{told}"
+        );
         assert!(told.contains("Worst block of ours, in dB: 30.9, missed."), "{told}");
         let last = "| `svd` | 35.1 | 33.0 | 15 of 16 | 2.00 | 500 | 40× | 9 / 5 |\n";
         assert!(told.contains("\n| `projected` | 35.1 | 30.9 |") && told.ends_with(last), "{told}");
