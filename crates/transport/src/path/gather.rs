@@ -219,7 +219,9 @@ impl<P: LightPlan> Integrator<'_, P> {
     ) -> Option<bool> {
         let broad = bsdf.broad_albedo();
         let albedo = broad.unwrap_or_else(|| bsdf.base_albedo());
-        if walk.sharpness == f32::INFINITY || albedo == Vec3::ZERO || self.is_spent(walk) {
+        // What is known has left the second surface: where bounces are counted, it would have too many behind a mirror.
+        let is_known = walk.n_hits == 2 || self.bounces == u32::MAX;
+        if walk.sharpness == f32::INFINITY || albedo == Vec3::ZERO || !is_known || self.is_spent(walk) {
             return None;
         }
         let normal = self.scene.smooth_normal(hit, walk.direction);
@@ -234,5 +236,53 @@ impl<P: LightPlan> Integrator<'_, P> {
         walk.sampled_at = Some(Vertex::Later);
         let sample = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d());
         Some(sample.is_some_and(|sample| self.leave(walk, hit, &sample, 1)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::laws::stage::{Stage, lambert, quad, room};
+    use crate::path::NoLights;
+    use crate::scene::Material;
+
+    /// How often light is asked for that is known everywhere.
+    struct Asked(u32);
+
+    impl Deposit for Asked {
+        const KNOWS: bool = true;
+
+        fn scattered(&mut self, _: u32, _: Vec3) {}
+
+        fn seen(&mut self, _: u32, _: Vec3) {}
+
+        fn known(&mut self, _: &KnownAt<'_>) -> bool {
+            self.0 += 1;
+            true
+        }
+    }
+
+    #[test]
+    fn where_bounces_are_counted_no_walk_ends_in_a_cell_behind_a_mirror() {
+        let floor = quad(Vec3::new(-0.9, -0.9, 0.9), Vec3::X * 1.8, Vec3::NEG_Z * 1.8);
+        let asked = |walls: Material, bounces: Option<u32>| {
+            let camera = Camera::look_at("eye", Vec3::new(0.2, 0.1, 0.3), Vec3::NEG_Y, 1.0, 1.0);
+            let stage = Stage::new(camera).surface("walls", &room(Vec3::ONE), walls);
+            let scene = stage.surface("floor", &floor, lambert(0.6, 0.0)).prepared();
+            let integrator = Integrator::new(&scene, &NoLights, bounces);
+            let (mut sampler, eye) = (Sampler::new(1, 0, 0), scene.scene.cameras[0].position());
+            let at = integrator.gathering_surface((eye, Vec3::NEG_Y), &mut sampler).expect("it sees the floor");
+            let (mut counted, mut scratch) = (Asked(0), Scratch::default());
+            for walk in 0..64 {
+                let mut sampler = Sampler::new(2, 0, walk);
+                integrator.gather_indirect((&at.0, at.1, Onto::Pixel), &mut sampler, &mut scratch, &mut counted);
+            }
+            counted.0
+        };
+        let silver = || Material { metallic: 1.0, roughness: 0.0, ..Material::default() };
+        assert!(asked(lambert(0.6, 0.0), Some(8)) > 0, "walls are met first");
+        assert!(asked(silver(), None) > 0, "all bounces are known");
+        assert_eq!(asked(silver(), Some(8)), 0);
     }
 }
