@@ -55,6 +55,9 @@ impl SkyRequest {
 /// Fewest and most texels along a side of a panel.
 pub const PANEL_RESOLUTION: std::ops::RangeInclusive<u32> = 4..=64;
 
+/// How far texture coordinates may be off without having another texel, of any texture that is usual.
+const UV_NOISE: f32 = 1e-4;
+
 /// Why a scene cannot be lit as asked.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -187,14 +190,16 @@ impl PanelEmitter {
         })
     }
 
-    /// Whether a triangle has the texture coordinates of a set that those of the panel's own triangle go on to.
+    /// Whether a triangle has the texture coordinates of a set that those of the panel's own triangle go on to, but for part of a
+    /// texel: a panel that has one color of a palette lies within one.
     fn goes_on(&self, mesh: &Mesh, triangle: u32, set: u8) -> bool {
         let set = usize::from(set.min(1));
         let [at, u_edge, v_edge] = self.uv_frame[set];
+        let most = UV_NOISE + 1e-2 * (u_edge.length() + v_edge.length());
         let is_met = |&vertex: &u32| {
             let place = self.uv_of(mesh.positions[vertex as usize]);
             let own = mesh.uvs[set].get(vertex as usize).copied().unwrap_or(Vec2::ZERO);
-            (at + u_edge * place.x + v_edge * place.y).distance(own) <= 1e-2 * (u_edge.length() + v_edge.length())
+            (at + u_edge * place.x + v_edge * place.y).distance(own) <= most
         };
         mesh.triangles[triangle as usize].iter().all(is_met)
     }
@@ -421,8 +426,10 @@ fn panel_emitter(scene: &Scene, triangles: &[u32], resolution: u32) -> Result<Pa
         texel_side: 1.0 / resolution as f32,
         texel_area,
     };
-    let texture = material.emissive_texture.filter(|texture| !panel.goes_on(mesh, second, texture.uv_set));
-    if texture.is_some() { Err("its two triangles have pieces of their texture that do not meet") } else { Ok(panel) }
+    if material.emissive_texture.is_some_and(|texture| !panel.goes_on(mesh, second, texture.uv_set)) {
+        return Err("its two triangles have pieces of their texture that do not meet");
+    }
+    Ok(panel)
 }
 
 fn add_sky_and_constant(scene: &Scene, sky: Option<&SkyRequest>, found: &mut Found, warnings: &mut Vec<String>) {

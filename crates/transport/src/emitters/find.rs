@@ -261,6 +261,11 @@ mod tests {
             Lighting::new(scene, &[request]).map(|(lighting, _)| lighting.basis.n_cols())
         };
         assert_eq!(asked(&scene).expect("it goes on"), 8 * 8 + 2);
+        // One color of a palette, with corners that were rounded each by itself.
+        let rounded = [Vec2::ZERO, Vec2::X, Vec2::ZERO, Vec2::Y].map(|by| Vec2::new(0.3, 0.7) + 1e-6 * by);
+        let pieces = std::mem::replace(&mut scene.mesh.uvs[0], (0..4).flat_map(|_| rounded).collect());
+        assert_eq!(asked(&scene).expect("it is one color"), 8 * 8 + 2);
+        scene.mesh.uvs[0] = pieces;
         // The second triangle gets corners of its own, with the piece of the texture that the first one has.
         let first = scene.mesh.positions.len() as u32;
         for (corner, uv) in [0, 2, 3].into_iter().zip([Vec2::ZERO, Vec2::X, Vec2::ONE]) {
