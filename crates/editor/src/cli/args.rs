@@ -240,7 +240,7 @@ pub struct BakeOptions {
     #[arg(long, conflicts_with = "exact")]
     pub no_denoise: bool,
     /// Also bake how free lamps light the scene by way of its surfaces, told apart into about N patches (4096 will do, at most
-    /// 16384): lamps of a look can then be moved and added after the bake. 0 is none.
+    /// 16384): lamps of a look can then be moved and added after the bake. 0 is none, and all that `render` takes.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_PATCHES)))]
     pub patches: u32,
     /// What makes factors of the samples: `projected` is our own, the others are there to be compared with, such as `svd`,
@@ -250,7 +250,8 @@ pub struct BakeOptions {
     /// Side of the blocks in pixels, each of which has a rank of its own.
     #[arg(long, value_name = "8|16|32", default_value_t = SIDE, value_parser = parse_block)]
     pub block: u32,
-    /// Start over, even if an earlier bake of the same name was stopped half way or could be taken over.
+    /// Start over, even if an earlier bake of the same name was stopped half way or could be taken over. Of `bake` alone: `render`
+    /// starts over each time.
     #[arg(long)]
     pub fresh: bool,
 }
