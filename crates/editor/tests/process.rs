@@ -341,6 +341,10 @@ fn options_that_have_nothing_to_do_are_not_passed_over() {
     let output = run(folder.path(), "export-gltf dark.gltf --unitless -o lit.glb");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(said.contains("--unitless changes nothing"), "{said}");
+    std::fs::write(folder.path().join("watts.look"), r#"{"clerestory": 1, "scene": {"units": "unitless"}}"#).unwrap();
+    let output = run(folder.path(), "schedule dark.gltf --look watts.look -o lamps.csv");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("as the look does, changes nothing"), "{said}");
 }
 
 #[test]

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use clerestory_transport::import::Choice;
-use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sensors::floor_area_m2;
 use serde_json::json;
@@ -12,7 +11,8 @@ use serde_json::json;
 use super::args::ScheduleArgs;
 use super::console::{Answer, Console};
 use super::view::{
-    load_bake, load_look, load_scene, or_of_file, panels, spare_look, spare_scene, warn_of_unknown_lights,
+    count_in_watts, load_bake, load_look, load_scene, or_of_file, panels, spare_look, spare_scene,
+    warn_of_unknown_lights,
 };
 use crate::action::is_transport;
 use crate::legend::number_words;
@@ -34,9 +34,7 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
         (bake.header.basis.clone(), None)
     } else {
         let mut scene = load_scene(&args.file, &Choice::default(), console)?.scene;
-        if look.scene.units == Some(LampUnits::Unitless) {
-            assume_unitless(&mut scene);
-        }
+        count_in_watts(&mut scene, false, look.scene.units, console);
         let panels = panels(&scene, &[], &look.scene, console);
         let (scene, warnings) = PreparedScene::new(scene, &panels)
             .with_context(|| format!("cannot prepare the scene {}", args.file.display()))?;
