@@ -116,7 +116,8 @@ pub fn pictures_beside_two(x: &Radiance, traced: [&Radiance; 2]) -> Option<f64> 
 }
 
 /// PSNR in dB of a picture x beside two pictures a and b whose noise is their own: all exposed to four times the median luminance of the
-/// mean of a and b and clipped at white, the mean of (x − a)(x − b), told as no less than its standard error over the pixels.
+/// mean of a and b and clipped at white, the mean of (x − a)(x − b), told as no less than its standard error over the pixels; 0, the
+/// worst, of one with values that are no numbers.
 pub fn psnr_db(x: &Radiance, [a, b]: [&Radiance; 2]) -> f64 {
     let pair = |(a, b): (&[f32; 3], &[f32; 3])| std::array::from_fn(|c| 0.5 * (a[c] + b[c]));
     let both = Radiance { pixels: a.pixels.iter().zip(&b.pixels).map(pair).collect(), ..*a };
@@ -129,7 +130,12 @@ pub fn psnr_db(x: &Radiance, [a, b]: [&Radiance; 2]) -> f64 {
             (x - a) * (x - b)
         }));
     }
-    decibels(1.0, sum.mean_at_least_known())
+    if has_nan(x) { 0.0 } else { decibels(1.0, sum.mean_at_least_known()) }
+}
+
+/// Whether values of a picture are no numbers. Sums of them would pass for no error at all.
+pub fn has_nan(picture: &Radiance) -> bool {
+    picture.pixels.iter().flatten().any(|value| value.is_nan())
 }
 
 /// Errors of the columns that light anything, as mean squares over the squares of their peaks; none less than its standard error.
@@ -283,6 +289,8 @@ mod tests {
         assert!((exact - 10.0 * (64.0 * f64::sqrt(4096.0)).log10()).abs() < 1e-3, "{exact}");
         let ends = [4.0, 40.0].map(|value| psnr_db(&picture(&|_| value), [&a, &b]));
         assert_eq!(ends[0], ends[1], "white is white");
+        let with_nan = picture(&|i: usize| if i == 7 { f32::NAN } else { 1.0 });
+        assert_eq!(psnr_db(&with_nan, [&a, &b]), 0.0, "no number is as bad as can be");
     }
 
     #[test]

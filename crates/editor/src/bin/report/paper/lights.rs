@@ -6,7 +6,7 @@ use clerestory_relight::Radiance;
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::light::{LightRig, PanelSpot};
 
-use crate::errors::BEST_DB;
+use crate::errors::{BEST_DB, has_nan};
 use crate::methods::dense::Picture;
 
 const POSITIONS: [[f32; 2]; 4] = [[0.5, 0.5], [0.2, 0.3], [0.8, 0.7], [0.15, 0.85]];
@@ -48,9 +48,8 @@ pub(super) fn psnr_db(truth: &Picture, found: &Picture) -> f64 {
 /// # Errors
 /// If their sizes differ.
 pub(super) fn told_psnr_db(found: &Radiance, truth: &Radiance) -> Result<f64> {
-    let has_nan = found.pixels.iter().flatten().any(|value| value.is_nan());
     let told = compare(found, truth)?.psnr_db.map_or(BEST_DB, |db| db.min(BEST_DB));
-    Ok(if has_nan { 0.0 } else { told })
+    Ok(if has_nan(found) { 0.0 } else { told })
 }
 
 #[cfg(test)]

@@ -197,8 +197,9 @@ fn multiply_adds(found: &Found) -> String {
     format!("{unpacked:.0} / {in_cosines:.0}")
 }
 
-/// A method, and the most dB that it can be asked for where a file is as small as others claim; none where it is not at any.
-type Claimed = (String, Option<(f64, Found)>);
+/// A method, and the most dB that it can be asked for where a file is as small as others claim; none where it is not at any, and why
+/// where it has no answer.
+type Claimed = (String, Result<Option<(f64, Found)>>);
 
 fn n_halvings(desk: &Desk) -> i32 {
     desk.choose(2, N_HALVINGS)
@@ -223,7 +224,12 @@ fn claimed(desk: &Desk, (name, traced): (&str, &Traced), singular: &Singular) ->
                 _ => traced.found((method, SEEDS[0]), RIVAL_RANK, tolerance_db)?,
             };
             Ok((found.ratio, found))
-        })?;
+        });
+        let found = match found {
+            Err(error) if method == Method::Projected => return Err(error),
+            // Of others a row tells why, as where all methods are asked for a tolerance.
+            found => found,
+        };
         all.push((method.to_string(), found));
     }
     Ok(all)
@@ -246,8 +252,9 @@ fn finest<T>(ratio: f64, n_halvings: i32, mut probe: impl FnMut(f64) -> Result<(
 
 fn claimed_rows(claimed: &[Claimed]) -> String {
     let row = |(name, found): &Claimed| match found {
-        None => format!("| `{name}` | at no tolerance | | | | |\n"),
-        Some((asked_db, found)) => format!(
+        Err(error) => format!("| `{name}` | {error:#} | | | | |\n"),
+        Ok(None) => format!("| `{name}` | at no tolerance | | | | |\n"),
+        Ok(Some((asked_db, found))) => format!(
             "| `{name}` | {asked_db:.1} dB | {:.1} | {:.1} | {:.0}× | {:.2} |\n",
             found.db, found.worst_db, found.ratio, found.mean_rank
         ),
@@ -257,8 +264,10 @@ fn claimed_rows(claimed: &[Claimed]) -> String {
 
 /// A figure of the table of targets without a verdict: nothing was aimed at.
 fn claimed_goal(of: &str, n_cols: usize, claimed: &[Claimed]) -> [String; 5] {
-    let words =
-        |found: &Option<(f64, Found)>| found.as_ref().map_or("none".into(), |(_, found)| format!("{:.1}", found.db));
+    let words = |found: &Result<Option<(f64, Found)>>| match found {
+        Ok(Some((_, found))) => format!("{:.1}", found.db),
+        Ok(None) | Err(_) => "none".into(),
+    };
     let beside: Vec<String> = claimed[1..].iter().map(|(name, found)| format!("`{name}` {}", words(found))).collect();
     let what = format!("dB where a file is {CLAIMED} times smaller, as others claim, {n_cols} columns, {of}");
     [what, "—".into(), words(&claimed[0].1), "—".into(), beside.join(", ")]
@@ -283,6 +292,22 @@ mod tests {
         let mut goals = Goals::default();
         baked_goals(&mut goals, &rows, 4096, 45.0).unwrap();
         assert!(goals.rows.iter().all(|row| row[3] == "not tested: short of the dB"), "{:?}", goals.rows);
+    }
+
+    #[test]
+    fn a_method_without_an_answer_is_told_beside_the_claim() {
+        let (db, worst_db, mean_rank, block_bytes, multiply_adds) = (30.0, 27.0, 2.0, 500.0, [9.0, 5.0]);
+        let found = Found { db, worst_db, n_enough: 1, mean_rank, block_bytes, ratio: 4010.0, multiply_adds };
+        let claimed: [Claimed; 3] = [
+            ("projected".into(), Ok(Some((31.0, found)))),
+            ("svd".into(), Ok(None)),
+            ("row-id".into(), Err(anyhow::anyhow!("no inverse"))),
+        ];
+        let rows = "| `projected` | 31.0 dB | 30.0 | 27.0 | 4010× | 2.00 |\n\
+            | `svd` | at no tolerance | | | | |\n| `row-id` | no inverse | | | | |\n";
+        assert_eq!(claimed_rows(&claimed), rows);
+        let [_, _, ours, _, beside] = claimed_goal("sharp shadows", 4096, &claimed);
+        assert_eq!([ours.as_str(), beside.as_str()], ["30.0", "`svd` none, `row-id` none"]);
     }
 
     #[test]
