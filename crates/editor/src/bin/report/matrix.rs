@@ -1,7 +1,7 @@
 //! The matrix: CPU time and error of its columns, against a converged bake.
 
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
@@ -20,8 +20,13 @@ use super::fit::{digits, listed, secs_at, spread, tenths};
 use super::goal::Goal;
 use super::reference::{Reference, Sampling};
 
+/// The section of a panel with many columns, by itself for its time.
+pub const PANEL: &str = "matrix-panel";
+
 /// Scattering events beyond the first, as the peers had them.
 pub const BOUNCES: Option<u32> = Some(6);
+/// The pixels of the full report.
+const FULL_FILM: Film = Film { width: 512, height: 384 };
 /// Where CPU seconds are told for.
 const TARGETS_DB: [f64; 2] = [30.0, 38.0];
 
@@ -59,7 +64,7 @@ const KINDS: [&str; 2] = ["with fixed samples", "to a tolerance"];
 /// # Errors
 /// If a scene cannot be loaded or baked, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
-    let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 512, height: 384 }, 4));
+    let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (FULL_FILM, 4));
     let (samples, spp): (&[u32], u32) = desk.choose((&[4, 16], 16), (&[4, 16, 64], 128));
     let to_tolerance = desk.choose(&[][..], &[(64, 26.0), (64, 28.0), (64, 34.0), (64, 38.0)]);
     let asked: Vec<Asked> = samples.iter().map(|&spp| (spp, NO_TOLERANCE_DB)).chain(to_tolerance.to_vec()).collect();
@@ -69,12 +74,6 @@ pub fn write(desk: &Desk) -> Result<String> {
         let Some(path) = desk.shared(&format!("references/{name}.glb")) else { continue };
         scenes += &desk.part("matrix", name, || scene(desk, (name, None, peers_secs), &path, sampling, &asked))?;
         scenes += &quoted(desk, peers)?;
-    }
-    let (name, resolution) = MANY;
-    if let Some(path) = desk.shared(&format!("scenes/{name}.glb")).filter(|_| !desk.quick) {
-        let sampling = Sampling { step: STEP_OF_MANY, spp: SPP_OF_MANY, ..sampling };
-        let asked = [(4, NO_TOLERANCE_DB), (8, NO_TOLERANCE_DB), (32, 23.0), (32, 26.0)];
-        scenes += &desk.part("matrix", name, || scene(desk, (name, Some(resolution), &[]), &path, sampling, &asked))?;
     }
     Ok(format!(
         "## Matrix\n\n\
@@ -92,6 +91,36 @@ pub fn write(desk: &Desk) -> Result<String> {
         SEEDS[0],
         desk.load_words(),
     ))
+}
+
+/// The same of a panel that is divided into many columns.
+///
+/// # Errors
+/// If its scene is missing, cannot be loaded or baked, or this system does not tell the CPU time of a process.
+pub fn write_panel(desk: &Desk) -> Result<String> {
+    let (name, resolution) = MANY;
+    let path = panel_scene(desk).with_context(|| format!("the scene {name} is missing"))?;
+    let sampling = Sampling { film: FULL_FILM, step: STEP_OF_MANY, bounces: BOUNCES, spp: SPP_OF_MANY };
+    let asked = [(4, NO_TOLERANCE_DB), (8, NO_TOLERANCE_DB), (32, 23.0), (32, 26.0)];
+    let text = desk.part(PANEL, name, || scene(desk, (name, Some(resolution), &[]), &path, sampling, &asked))?;
+    Ok(format!(
+        "## Matrix of a panel\n\n\
+         The same as in [Matrix](#matrix), where its words are explained, of a panel divided into {resolution} × {resolution} texels: {} × {} pixels, six\n\
+         bounces. Rows have {}. {}\n{text}",
+        sampling.film.width,
+        sampling.film.height,
+        seeds_words(desk),
+        desk.load_words(),
+    ))
+}
+
+/// Whether the scene of [`write_panel`] is here.
+pub fn has_panel(desk: &Desk) -> bool {
+    panel_scene(desk).is_some()
+}
+
+fn panel_scene(desk: &Desk) -> Option<PathBuf> {
+    desk.shared(&format!("scenes/{}.glb", MANY.0))
 }
 
 fn scene(
