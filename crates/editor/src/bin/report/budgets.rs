@@ -41,7 +41,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          reading the scene included, and the seconds from the start of the bake. {}\n\n{}\n\n\
          | scene | picture | MB said | taken | off | s said | taken | off | file, off |\n|---|---|---|---|---|---|---|---|---|\n{rows}",
         desk.load_words(),
-        desk.provenance("budgets"),
+        desk.provenance("budgets")?,
     ))
 }
 

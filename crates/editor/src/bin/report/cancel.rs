@@ -73,7 +73,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         FILM.height,
         1e3 * AT_ONCE_SECS,
         BakeConfig::default().seed,
-        desk.provenance("cancel"),
+        desk.provenance("cancel")?,
     ))
 }
 

@@ -15,6 +15,7 @@ use super::built::commit;
 use super::complain;
 use super::kept::{Kept, Numbers};
 use super::plot::{Panel, figure};
+use super::yardstick;
 
 /// Where a report is made.
 pub struct Desk {
@@ -31,6 +32,8 @@ pub struct Desk {
     begun_at: Mutex<Instant>,
     /// What had been computed then.
     begun: Mutex<Option<Computed>>,
+    /// Milliseconds of the yardstick before the section that is measured now.
+    yardstick_before: Mutex<f64>,
     /// The commit in words, as it was when the report began, and whether the program is built from it.
     commit: String,
     /// Seconds that parts of the section took that lay there from a run that was interrupted.
@@ -68,6 +71,7 @@ impl Desk {
             scratch,
             begun_at: Mutex::new(Instant::now()),
             begun: Mutex::new(Computed::now()),
+            yardstick_before: Mutex::new(f64::NAN),
         })
     }
 
@@ -92,22 +96,26 @@ impl Desk {
         complain(&format!("{words} …"));
     }
 
-    /// The command that writes a section, its version, commit and compiler, the machine that it ran on, how long it took, and how long
-    /// what it is held against had taken before.
-    pub fn provenance(&self, section: &str) -> String {
+    /// The command that writes a section, its version, commit and compiler, the machine that it ran on, how long it took, how long
+    /// what it is held against had taken before, and how fast the machine was.
+    ///
+    /// # Errors
+    /// As [`yardstick::millis`].
+    pub fn provenance(&self, section: &str) -> Result<String> {
+        let secs = secs_words(self.secs(), *held(&self.earlier_secs));
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let quick = if self.quick { "--quick " } else { "" };
-        format!(
-            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, built by {}, on {threads} threads of {} ({}){}, in {}{}.*",
+        Ok(format!(
+            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, built by {}, on {threads} threads of {} ({}){}, in {secs}{}; {}.*",
             env!("CARGO_PKG_VERSION"),
             self.commit,
             env!("CLERESTORY_RUSTC"),
             cpu_name(),
             std::env::consts::OS,
             memory_words(memory_bytes()),
-            secs_words(self.secs(), *held(&self.earlier_secs)),
             references_words(&held(&self.references)),
-        )
+            yardstick::words(*held(&self.yardstick_before), yardstick::millis()?),
+        ))
     }
 
     /// Seconds that the section took, in this run and, as far as its parts were kept, before an interruption.
@@ -117,11 +125,16 @@ impl Desk {
     }
 
     /// A section begins: what others compute is counted from here on.
-    pub fn begin(&self) {
+    ///
+    /// # Errors
+    /// As [`yardstick::millis`].
+    pub fn begin(&self) -> Result<()> {
+        *held(&self.yardstick_before) = yardstick::millis()?;
         *held(&self.earlier_secs) = 0.0;
         held(&self.references).clear();
         *held(&self.begun_at) = Instant::now();
         *held(&self.begun) = Computed::now();
+        Ok(())
     }
 
     /// Says how busy others kept the machine since the section began, where the system tells; nothing where they hardly did.
@@ -397,7 +410,7 @@ mod tests {
         let again = desk();
         again.part::<usize>("time", "hall", || panic!("it is measured")).unwrap();
         assert_eq!(held(&again.references).clone(), References::from([("hall".into(), Some(0.0))]), "it went on");
-        again.begin();
+        again.begin().unwrap();
         again.numbers("hall", || panic!("it is there")).unwrap();
         assert!(held(&again.references)["hall"].is_some_and(|secs| secs >= 0.02), "another section");
         std::fs::remove_dir_all(&folder).unwrap();

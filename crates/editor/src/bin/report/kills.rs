@@ -92,7 +92,7 @@ fn words(desk: &Desk, kills: &[Kill], n_late: usize, run_secs: f64) -> String {
          finish took together beyond an uninterrupted run; a finish reads the scene again and has no preview.\n\n\
          {}\n\n| | |\n|---|---|\n{rows}",
         OPTIONS.join(" "),
-        desk.provenance("reliability"),
+        desk.provenance("reliability")?,
     )
 }
 

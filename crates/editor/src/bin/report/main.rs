@@ -46,6 +46,7 @@ mod steps;
 mod targets;
 mod time;
 mod under_way;
+mod yardstick;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -173,7 +174,7 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
     };
     let begun = Instant::now();
     let measured = |section: &Section| {
-        desk.begin();
+        desk.begin()?;
         let text = (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))?;
         complain(&format!("{} took {:.0} s", section.name, desk.secs()));
         Ok::<_, anyhow::Error>(text)
@@ -192,7 +193,7 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
     for section in SECTIONS.iter().filter(asked) {
         // Section by section, so that a later one that fails costs nothing of an earlier one.
         let text = measured(section)?;
-        let text = format!("{}\n\n{}", desk.provenance(section.name), text.trim_end());
+        let text = format!("{}\n\n{}", desk.provenance(section.name)?, text.trim_end());
         let mut page = Page::parse(&std::fs::read_to_string(&path).unwrap_or_default());
         page.put(section.name, text);
         put(&path, &page.text(shown()))?;

@@ -11,7 +11,10 @@ pub struct Page {
 const HEAD: &str = "# Benchmarks\n\n\
     Every figure on this page was measured and written by the command that its section names, but for tables of others that a section\n\
     quotes, which say whose they are. Times depend on the machine; figures of one table come from one run. Each section tells how long it took, and goes on where it was interrupted; `--quick`\n\
-    measures less of them, aims at under five minutes on two cores, and says at the end of the page what all took.\n\n\
+    measures less of them, aims at under five minutes on two cores, and says at the end of the page what all took. The yardstick that a section\n\
+    tells is work that no change of this program touches: all threads at once deflate a MiB each with a library, the median of five rounds.\n\
+    Where it differs, the machine was faster or slower, and seconds of such sections are not to be compared. Sections that tell none are\n\
+    older than it.\n\n\
     Seven experiments: error against time; the method's own evaluation; growth; what nobody beats, in bytes and in time to\n\
     relight; ablations, with the work that is skipped; what a sitting costs; and every method on matrices on which methods fail, which\n\
     has a page of its own: [stability](stability.md). The other sections measure one part of the program each.\n\n\

@@ -57,7 +57,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     let few = desk
         .choose("In a hurry: every fifth of the cases without large matrices, and every other method, alone.\n\n", "");
     // Last, as it tells how long all of it took.
-    Ok(format!("{}\n\n{few}{text}", desk.provenance("stability")))
+    Ok(format!("{}\n\n{few}{text}", desk.provenance("stability")?))
 }
 
 /// What is run in a hurry.
