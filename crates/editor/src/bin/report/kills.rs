@@ -59,10 +59,10 @@ pub fn write(desk: &Desk) -> Result<String> {
             kills.push(kill);
         }
     }
-    Ok(words(desk, &kills, n_late, run_secs))
+    words(desk, &kills, n_late, run_secs)
 }
 
-fn words(desk: &Desk, kills: &[Kill], n_late: usize, run_secs: f64) -> String {
+fn words(desk: &Desk, kills: &[Kill], n_late: usize, run_secs: f64) -> Result<String> {
     let found = || kills.iter().filter_map(|kill| kill.found.as_ref());
     let n_blocks = found().map(|state| state.n_blocks).max().unwrap_or(0);
     let kept = found().map(|state| state.n_done);
@@ -86,14 +86,14 @@ fn words(desk: &Desk, kills: &[Kill], n_late: usize, run_secs: f64) -> String {
         ("time lost at most", format!("{:.1} s of {run_secs:.1} s", wasted.fold(0.0, f64::max))),
     ];
     let rows: String = rows.iter().map(|(what, figure)| format!("| {what} | {figure} |\n")).collect();
-    format!(
+    Ok(format!(
         "## Kills\n\n\
          `{SCENE}` baked with `{}`, seed {SEED}. Each killed bake is finished by the same command. Time lost is what kill and\n\
          finish took together beyond an uninterrupted run; a finish reads the scene again and has no preview.\n\n\
          {}\n\n| | |\n|---|---|\n{rows}",
         OPTIONS.join(" "),
         desk.provenance("reliability")?,
-    )
+    ))
 }
 
 /// Where bakes are killed.
