@@ -19,7 +19,8 @@ use crate::cli::args::{BakeOptions, ViewArgs};
 use crate::cli::bake::{BakeTimes, baked, job, merge, open_stack, run_with_progress, stack_job};
 use crate::cli::lamps::warn_of_lacking;
 use crate::cli::view::{
-    load_look, load_scene, prepare_view, requested_sky, spare_look, spare_scene, warn_of_black, warn_of_unknown_lights,
+    load_look, load_scene, prepare_view, requested_sky, spare_look, spare_scene_by_all, warn_of_black,
+    warn_of_unknown_lights,
 };
 use crate::cli::{Answer, Console, nothing_kept};
 use crate::export::{ExportOptions, ImageFormat, Picture};
@@ -184,8 +185,8 @@ fn scene_or_gallery(scene: Option<&Path>, name: &str, file: Option<&LookFile>, c
         (None, Some(_)) => plain_looks(basis),
         (None, None) => gallery_looks()?,
     };
-    let places = looks.iter().flat_map(|(name, _)| frame_places(name));
-    scene.iter().try_for_each(|scene| places.clone().try_for_each(|place| spare_scene(&place, scene)))?;
+    let places: Vec<_> = looks.iter().flat_map(|(name, _)| frame_places(name)).collect();
+    scene.iter().try_for_each(|scene| spare_scene_by_all(&places, scene))?;
     heed(basis, &mut looks, console);
     let lamps = lamps_of(&looks);
     if !lamps.is_empty() {

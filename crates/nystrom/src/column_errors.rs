@@ -71,7 +71,7 @@ mod tests {
         let ([a, b], truth) = halves(noise);
         let samples =
             BlockSamples { halves: [&a, &b], sparse: [&[], &[]], n_cols: N_COLS, bundle_len: 1, n_samples: [1; 2] };
-        let group = ColumnGroup { columns: 0..N_COLS, tolerance, preserved: Vec::new(), share: 1.0 };
+        let group = ColumnGroup { columns: 0..N_COLS, tolerance, preserved: Vec::new(), share: 1.0, apart: 0.0 };
         let config = CompressConfig { groups: vec![group], ..CompressConfig::default() };
         let block = compress_block(&samples, &config, 0).unwrap().remove(0);
         let mut found = vec![0.0; N_COLS];

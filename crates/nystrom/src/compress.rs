@@ -47,6 +47,15 @@ pub fn tightness(mean_square: f64, strong: f32) -> f64 {
     if strong > 0.0 { (mean_square.max(0.0).sqrt() / f64::from(strong)).clamp(TIGHTEST, 1.0) } else { 1.0 }
 }
 
+/// How weak a column may be in a block and still have its own share of what is allowed, see [`ColumnGroup::apart`]: 42 dB.
+const WEAKEST: f64 = 1.0 / 128.0;
+
+/// How strong a column is in a block where it has some mean square: its root mean square over that from which on an absolute tolerance
+/// is taken as it is, at most 1.
+pub(crate) fn strength(mean_square: f64, strong: f32) -> f64 {
+    if strong > 0.0 { (mean_square.max(0.0).sqrt() / f64::from(strong)).clamp(WEAKEST, 1.0) } else { 1.0 }
+}
+
 /// Columns that are compressed together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColumnGroup {
@@ -60,6 +69,10 @@ pub struct ColumnGroup {
     /// Share of an absolute tolerance that truncation may take, 0…1: little where one column alone may be asked for, since the
     /// mean over many that hold nothing in a block hides what that one lacks. Samples are asked for by the whole.
     pub share: f32,
+    /// Where columns are looked at one by one: root mean square of a column in a block from which on an absolute tolerance is taken as
+    /// it is. Of a weaker one, down to 42 dB below that, the block may lack as much less as it is weaker, however strong the others
+    /// are: they hide no error of a picture that they are not in. 0: columns are looked at together, see [`CompressConfig::strong`].
+    pub apart: f32,
 }
 
 /// How many samples each row gets, per half: `min`, then twice as many, until the tolerance is met.
@@ -319,15 +332,20 @@ pub(crate) fn unpacked(
     let goal = allowed(means, group.tolerance);
     let is_asked = !matches!(group.tolerance, Tolerance::Rank(_)) && !means.is_exact();
     let is_hopeless = is_asked && means.noise_per_entry() > HOPELESS * goal;
+    let is_apart = group.apart > 0.0 && matches!(group.tolerance, Tolerance::AbsoluteMeanSquare(_));
+    let apart = if is_apart { Level::apart(means, group.apart) } else { None };
     if !is_hopeless {
-        let plain = factor(means, samples.bundle_len, group, config, rng());
+        let plain = match &apart {
+            Some(level) => factor_levelled((means, level), samples.bundle_len, group, config, rng()).0,
+            None => factor(means, samples.bundle_len, group, config, rng()),
+        };
         if !is_asked || plain.error() <= goal {
             return Ok(plain);
         }
     }
     let level = match config.noisy_columns {
-        NoisyColumns::Divided => Level::new(means, goal),
-        NoisyColumns::AsSampled => Level::undivided(means),
+        NoisyColumns::Divided => Level::new(means, goal, apart.as_ref()),
+        NoisyColumns::AsSampled => apart.unwrap_or_else(|| Level::undivided(means)),
     };
     let (levelled, error) = factor_levelled((means, &level), samples.bundle_len, group, config, rng());
     // Where rare large samples are the noise, what is left out may seem less than nothing.

@@ -108,7 +108,7 @@ fn decaying(n_rows: usize, n_cols: usize, rank: usize, decay: f32, rng: &mut Ran
 }
 
 fn config(tolerance: Tolerance, n_cols: usize, n_samples: u32) -> CompressConfig {
-    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0 }];
+    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0, apart: 0.0 }];
     let samples = SamplePlan { batch: n_samples, min: 1, max: n_samples };
     CompressConfig { groups, samples, max_rank: 1000, ..CompressConfig::default() }
 }
@@ -437,14 +437,16 @@ fn one_and_three_threads_give_the_same_bytes() {
             tolerance: Tolerance::AbsoluteMeanSquare(0.003),
             preserved: Vec::new(),
             share: 1.0,
+            apart: 0.0,
         },
         ColumnGroup {
             columns: 60..62,
             tolerance: Tolerance::AbsoluteMeanSquare(0.02),
             preserved: Vec::new(),
             share: 1.0,
+            apart: 0.0,
         },
-        ColumnGroup { columns: 63..64, tolerance: Tolerance::Rank(1), preserved: Vec::new(), share: 1.0 },
+        ColumnGroup { columns: 63..64, tolerance: Tolerance::Rank(1), preserved: Vec::new(), share: 1.0, apart: 0.0 },
     ];
     config.samples = SamplePlan { batch: 2, min: 1, max: 12 };
     let [one, three] = [1, 3].map(|n_threads| compress_all(&matrix, &config, n_threads));
@@ -598,7 +600,7 @@ fn a_preserved_product_comes_out_as_it_was_sampled_whatever_the_rank() {
     for (tolerance, max_rank) in [0, 1, 3].map(|rank| (Tolerance::Rank(rank), 96)).into_iter().chain(exact) {
         let rank = if let Tolerance::Rank(rank) = tolerance { rank } else { max_rank };
         let of = |preserved: Vec<f32>| {
-            let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved, share: 1.0 };
+            let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved, share: 1.0, apart: 0.0 };
             let config = CompressConfig { groups: vec![group], max_rank, ..CompressConfig::default() };
             compress_block(&samples, &config, 0).unwrap().remove(0)
         };

@@ -1,15 +1,21 @@
-//! Columns brought near a common noise before noisy samples are decomposed.
+//! Columns brought near a common strength, or near a common noise, before samples are decomposed.
+//!
+//! Where columns are looked at one by one, a weak one must not lack what a strong one beside it hides. Divided by its strength in the
+//! block it lacks as large a part of itself as the others do.
 //!
 //! Where a few columns are far noisier than the others, what is decomposed has their noise in its leading components, and what is
 //! quiet is dropped for it: then most columns would be nearer to the truth as they were sampled. Columns divided by the root of their
 //! noise are found as if all were as noisy as each other \[Leeb2021\], and are multiplied again in what is found. Both halves are
 //! divided alike, which leaves them independent but for as many numbers as there are columns, and these know of no sign.
 
-use crate::{dense::Dense, means::Means};
+use crate::{compress::strength, dense::Dense, means::Means};
 
 /// How many times the mean noise of all columns, and what is allowed, count as noise of each: a rare large sample in a column says
 /// little of it, and columns that are exact enough need no help. Found on four matrices, where one half to sixteen times differ little.
 const SHARED: f64 = 4.0;
+/// How many times its noise a column's energy counts as at least where it is divided by its strength: what is mostly noise is not
+/// raised to what others hold.
+const NOISE: f64 = 4.0;
 
 /// Samples whose columns have been divided.
 pub(crate) struct Level {
@@ -20,21 +26,29 @@ pub(crate) struct Level {
 }
 
 impl Level {
-    /// Divides the columns; `goal` is the mean square error per entry that is allowed, none where it is below 0. What is shared keeps all
-    /// divisors within √0.8 and √(columns / 5 + 1), whatever the noise.
-    pub(crate) fn new(means: &Means, goal: f64) -> Self {
-        let n_cols = means.mean.n_cols;
-        let mut noises = vec![0.0; n_cols];
-        for row in 0..means.mean.n_rows {
-            let both = means.a.row(row).iter().zip(means.b.row(row));
-            noises.iter_mut().zip(both).for_each(|(noise, (a, b))| *noise += 0.25 * f64::from(a - b).powi(2));
-        }
-        let shared = SHARED * (means.noise_per_entry() + goal.max(0.0));
-        noises.iter_mut().for_each(|noise| *noise = *noise / means.mean.n_rows as f64 + shared);
-        let mean = noises.iter().sum::<f64>() / n_cols as f64;
-        let divisors: Vec<f32> =
+    /// Divides the columns by their noise; `goal` is the mean square error per entry that is allowed, none where it is below 0. What is
+    /// shared keeps all divisors within √0.8 and √(columns / 5 + 1), whatever the noise. Columns that were divided before are divided
+    /// once more, by the noise that they have then.
+    pub(crate) fn new(means: &Means, goal: f64, before: Option<&Self>) -> Self {
+        let divided = before.map_or(means, |level| &level.means);
+        let shared = SHARED * (divided.noise_per_entry() + goal.max(0.0));
+        let noises: Vec<f64> = column_noises(divided).iter().map(|noise| noise + shared).collect();
+        let mean = noises.iter().sum::<f64>() / noises.len() as f64;
+        let mut divisors: Vec<f32> =
             noises.iter().map(|noise| if mean > 0.0 { (noise / mean).sqrt() as f32 } else { 1.0 }).collect();
+        if let Some(before) = before {
+            divisors.iter_mut().zip(&before.divisors).for_each(|(divisor, before)| *divisor *= before);
+        }
         Self::by(means, divisors)
+    }
+
+    /// Divides the columns by their [`strength`]; `None` where all are strong.
+    pub(crate) fn apart(means: &Means, strong: f32) -> Option<Self> {
+        let to_mean_square = means.unit * means.unit;
+        let strength_of = |(shared, noise): (f64, f64)| strength(shared.max(NOISE * noise) * to_mean_square, strong);
+        let both = column_energies(means).into_iter().zip(column_noises(means));
+        let divisors: Vec<f32> = both.map(|both| strength_of(both) as f32).collect();
+        divisors.iter().any(|divisor| *divisor < 1.0).then(|| Self::by(means, divisors))
     }
 
     /// Columns that are left as they were sampled.
@@ -71,6 +85,27 @@ impl Level {
     }
 }
 
+/// Of each column the mean square that both halves agree about.
+fn column_energies(means: &Means) -> Vec<f64> {
+    of_columns(means, |a, b| a * b)
+}
+
+/// Of each column the mean square of the noise of the mean of both halves.
+fn column_noises(means: &Means) -> Vec<f64> {
+    of_columns(means, |a, b| 0.25 * (a - b).powi(2))
+}
+
+/// Of each column the mean over its rows of something of both halves.
+fn of_columns(means: &Means, of: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+    let mut sums = vec![0.0; means.mean.n_cols];
+    for row in 0..means.mean.n_rows {
+        let both = means.a.row(row).iter().zip(means.b.row(row));
+        sums.iter_mut().zip(both).for_each(|(sum, (a, b))| *sum += of(f64::from(*a), f64::from(*b)));
+    }
+    sums.iter_mut().for_each(|sum| *sum /= means.mean.n_rows as f64);
+    sums
+}
+
 /// Each column times its factor.
 fn scaled(rows: &Dense<f32>, factors: &[f32]) -> Dense<f32> {
     let mut rows = rows.clone();
@@ -103,7 +138,7 @@ mod tests {
     #[test]
     fn columns_are_as_noisy_as_each_other_but_for_what_they_share() {
         let means = noisy();
-        let level = Level::new(&means, 0.0);
+        let level = Level::new(&means, 0.0, None);
         let squares: f32 = level.divisors.iter().map(|x| x * x).sum();
         assert!((squares - 3.0).abs() < 1e-4, "{:?}", level.divisors);
         // The last one has nearly all of the noise, three times the mean: (4 + 3) / (4 + 0).
@@ -123,6 +158,27 @@ mod tests {
     }
 
     #[test]
+    fn columns_are_divided_by_their_strength_and_noise_is_not_raised_to_it() {
+        // Strong, weak, far too weak, and nothing but noise.
+        let (strengths, noises) = ([2.0f32, 0.1, 1e-6, 0.0], [0.0f32, 0.0, 0.0, 0.01]);
+        let mut rng = Random::new([91, 0]);
+        let mut half = || (0..4 * 4000).map(|i| strengths[i % 4] + noises[i % 4] * rng.normal()).collect::<Vec<f32>>();
+        let (a, b) = (half(), half());
+        let mut means = Means::default();
+        means.fill([&a, &b], 4, &(0..4), [1; 2]).unwrap();
+        let level = Level::apart(&means, 1.0).unwrap();
+        // The mean of two halves has half of the noise, as a mean square, and four times that counts.
+        let expected = [1.0, 0.1, 1.0 / 128.0, 0.01 * 2f32.sqrt()];
+        let is_near = |(got, want): (&f32, &f32)| (got / want - 1.0).abs() < 0.05;
+        assert!(level.divisors.iter().zip(&expected).all(is_near), "{:?}", level.divisors);
+        assert!(Level::apart(&means, 0.0).is_none(), "nothing is weak beside nothing");
+        // Divided by their noise as well, they are still columns of the same matrix.
+        let both = Level::new(&means, 0.0, Some(&level));
+        let back = both.multiplied(&both.means.mean);
+        assert!(back.data.iter().zip(&means.mean.data).all(|(x, y)| (x - y).abs() <= 1e-5 * y.abs()));
+    }
+
+    #[test]
     fn columns_that_are_not_divided_are_as_they_were_sampled() {
         let means = noisy();
         let level = Level::undivided(&means);
@@ -133,7 +189,7 @@ mod tests {
 
     #[test]
     fn a_fit_is_the_same_matrix_when_its_columns_are_multiplied() {
-        let level = Level::new(&noisy(), 0.0);
+        let level = Level::new(&noisy(), 0.0, None);
         for n_components in [0, 1, 2] {
             let data = [0.6, 0.0, 0.8, 0.8, 0.0, -0.6][..3 * n_components].to_vec();
             let basis = Dense { n_rows: n_components, n_cols: 3, data };
@@ -170,7 +226,7 @@ mod tests {
                 assert!(level.means.mean.data.iter().all(|x| x.is_finite()));
             }
             // A goal that nothing meets is none.
-            let none = Level::new(&means, 0.0).divisors;
+            let none = Level::new(&means, 0.0, None).divisors;
             assert!([-1.1 * noise, -1.0].into_iter().all(|goal| Level::new(&means, goal).divisors == none));
         }
     }

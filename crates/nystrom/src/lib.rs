@@ -39,7 +39,7 @@
 //! }
 //!
 //! let partition = Partition { width: 8, height: 8, tile: 4 };
-//! let group = ColumnGroup { columns: 0..10, tolerance: Tolerance::RelativeFrobenius(1e-2), preserved: Vec::new(), share: 1.0 };
+//! let group = ColumnGroup { columns: 0..10, tolerance: Tolerance::RelativeFrobenius(1e-2), preserved: Vec::new(), share: 1.0, apart: 0.0 };
 //! let config = CompressConfig { groups: vec![group], ..Default::default() };
 //! let mut matrix = BlockLowRank::new(partition.clone(), 1, 10);
 //! compress(&Products, &partition, &[0, 1, 2, 3], &config, |block, mut factors| {

@@ -41,7 +41,15 @@ use self::{
     quantize::{Coefficients, Rounded, quarters_between, restore, step_of},
     tables::Tables,
 };
-use crate::{codec::CodecError, compress::tightness, factors::BlockFactors, low_rank::BlockLowRank, random::Random};
+use crate::{
+    codec::CodecError,
+    compress::{strength, tightness},
+    dense::Dense,
+    factors::BlockFactors,
+    low_rank::BlockLowRank,
+    product::product,
+    random::Random,
+};
 
 pub use layout::ColumnRun;
 pub use product::PackedProduct;
@@ -73,6 +81,8 @@ pub struct PackPlan {
     pub allowed: f32,
     /// As [`CompressConfig::strong`](crate::CompressConfig::strong): weaker blocks are stored more finely.
     pub strong: f32,
+    /// As [`ColumnGroup::apart`](crate::ColumnGroup::apart): a block is stored as finely as the weakest column that it holds asks for.
+    pub apart: f32,
     /// One weight per column: the product with these weights is kept to a share of itself, or of its noise, whatever is
     /// allowed. Empty: no product is.
     pub preserved: Vec<f32>,
@@ -201,6 +211,18 @@ fn telling(matrix: &BlockLowRank) -> Vec<usize> {
     telling
 }
 
+/// How strong the weakest column is that a block holds, of those within the reach of [`strength`]; 1 where it holds none.
+fn weakest(left: &Dense<f64>, right: &Dense<f64>, strong: f32) -> f64 {
+    let gram = product(left.t(), left.view());
+    let energies = product(gram.view(), right.view());
+    let of_column = |col: usize| -> f64 {
+        (0..right.n_rows).map(|r| right.row(r)[col] * energies.row(r)[col]).sum::<f64>() / left.n_rows.max(1) as f64
+    };
+    let least = strength(0.0, strong);
+    let strengths = (0..right.n_cols).map(|col| strength(of_column(col), strong));
+    strengths.filter(|strength| *strength > least).fold(1.0, f64::min)
+}
+
 /// A matrix that is being packed.
 struct Packer<'a> {
     matrix: &'a BlockLowRank,
@@ -244,7 +266,11 @@ impl<'a> Packer<'a> {
         let (left, right) = both(factors);
         let kept = product_with(&left.data, &right.data, left.n_cols, &self.direction, left.n_rows);
         let own_error = f64::from(factors.error.truncation.max(0.0) + factors.error.sampling.max(0.0));
-        let tightness = tightness(coefficients.mean_square(), self.plan.strong);
+        let tightness = if self.plan.apart > 0.0 {
+            weakest(&left, &right, self.plan.apart).powi(2)
+        } else {
+            tightness(coefficients.mean_square(), self.plan.strong)
+        };
         let allowed = (f64::from(self.plan.allowed) * tightness).max(OF_HALVES * coefficients.mean_square());
         let energy = energy(factors);
         Some(Unrounded { block_idx, factors, energy, coefficients, kept, own_error, tightness, allowed })

@@ -224,7 +224,7 @@ mod tests {
         let samples =
             BlockSamples { halves: [&a, &b], sparse: [&[]; 2], n_cols: N_COLS, bundle_len: 3, n_samples: [1; 2] };
         let tolerance = Tolerance::AbsoluteMeanSquare(1e-4);
-        let group = ColumnGroup { columns: 0..N_COLS, tolerance, preserved: vec![1.0; N_COLS], share: 1.0 };
+        let group = ColumnGroup { columns: 0..N_COLS, tolerance, preserved: vec![1.0; N_COLS], share: 1.0, apart: 0.0 };
         let config = CompressConfig { groups: vec![group], ..CompressConfig::default() };
         let factors = compress_block(&samples, &config, 0).unwrap().remove(0);
         let dense = factors.dense();

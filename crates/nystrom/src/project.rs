@@ -61,7 +61,7 @@ pub(crate) fn factor(
     }
 }
 
-/// The same where noise is in the way, found in divided columns; and the held-out error in these.
+/// The same found in divided columns, where noise is in the way or columns are looked at one by one; and the held-out error in these.
 pub(crate) fn factor_levelled(
     (means, level): (&Means, &Level),
     bundle_len: usize,
@@ -69,7 +69,9 @@ pub(crate) fn factor_levelled(
     config: &CompressConfig,
     rng: Random,
 ) -> (Unpacked, f64) {
-    let tolerance = group.tolerance.tightened(means, config.strong, group.share);
+    // Columns that are divided by their strength are strong.
+    let weighed = if group.apart > 0.0 { &level.means } else { means };
+    let tolerance = group.tolerance.tightened(weighed, config.strong, group.share);
     let mut fits: [Fit; 3] = fitted(&level.means, bundle_len, tolerance, config, rng);
     let measured = measured(&level.means, [&fits[0], &fits[1]], tolerance, config);
     fits.iter_mut().for_each(|fit| _ = fit.keep(measured.rank));

@@ -130,7 +130,7 @@ pub fn ours(case: &Case) -> Result<Ours, CompressError> {
     let halves = case.halves.each_ref().map(row_major);
     let samples = samples(case, &halves);
     let tolerance = Tolerance::Rank(case.rank as u32);
-    let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0 };
+    let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0, apart: 0.0 };
     let config = CompressConfig { max_rank: case.rank as u32, ..CompressConfig::default() };
     let factors = unpacked(&samples, &group, &config, 0, &mut Means::default())?;
     let wide = |matrix: &Dense<f32>| matrix.to_f64();

@@ -273,10 +273,11 @@ const FIRST_LOOK_TRACED: u32 = 4;
 /// Samples per half of the first pass of those that grow until a time is up.
 const FIRST_OF_GROWING: u32 = 4;
 
-/// Columns of a group that a preview for somebody who watches keeps as they were sampled, and bytes that all of these may take. Where a
-/// lamp has less light than noise, a rank that holds no noise gives it that of the others, block by block: under that lamp alone
-/// the picture falls into squares.
-const LAMPS_APART: usize = 64;
+/// Columns of a group that are kept as they were sampled, in all passes and in a preview for somebody who watches, and bytes that all of
+/// these may take. Where a lamp has less light than noise, a rank that holds no noise gives it that of the others, block by block:
+/// under that lamp alone the picture falls into squares.
+const LAMPS_APART: usize = 32;
+const LAMPS_APART_IN_PREVIEWS: usize = 64;
 const LAMPS_APART_BYTES: usize = 512 << 20;
 
 /// What a preview aims at where more is asked for: it has no time for ranks that hold nothing but noise.
@@ -760,14 +761,16 @@ impl BakeJob {
         }
     }
 
-    /// Columns of a group up to which a preview keeps it as it was sampled.
-    fn n_lamps_apart(&self) -> usize {
+    /// Columns of a group up to which a pass keeps it as it was sampled.
+    fn n_lamps_apart(&self, is_preview: bool) -> usize {
         // A number and its doubt, 16 bits each.
         let column_bytes = 4 * CHANNELS * self.film.n_pixels();
         let lens = || self.scene.lighting.basis.groups.iter().map(|group| group.columns.len());
         let all_bytes = |most: usize| column_bytes * lens().filter(|len| *len <= most).sum::<usize>();
         let fits = |most: &usize| all_bytes(*most) <= LAMPS_APART_BYTES;
-        if self.passes == Passes::Progressive { (0..=LAMPS_APART).rev().find(fits).unwrap_or(0) } else { 0 }
+        let is_watched = is_preview && self.passes == Passes::Progressive;
+        let most = if is_watched { LAMPS_APART_IN_PREVIEWS } else { LAMPS_APART };
+        (0..=most).rev().find(fits).unwrap_or(0)
     }
 
     /// `column_scale` is that of the header: the light of the file comes out as it was sampled, whatever is truncated.
@@ -779,6 +782,7 @@ impl BakeJob {
             tolerance: Tolerance::AbsoluteMeanSquare(tolerance),
             preserved: file_light[g.columns.start as usize..g.columns.end as usize].to_vec(),
             share: truncation_share(g.kind),
+            apart: apart(g.kind),
         });
         let first_look = match self.config.indirect {
             Indirect::Shared => FIRST_LOOK_SHARED,
@@ -830,6 +834,12 @@ fn truncation_share(kind: ColumnKind) -> f32 {
 
 /// 7 dB.
 const SKY_SHARE: f32 = 0.2;
+
+/// Root mean square from which on the tolerance of a column of a kind is taken as it is, the peak of the column being 1: lamps are
+/// soloed, dimmed and looked at one by one, so that each is held to what it throws in a block.
+fn apart(kind: ColumnKind) -> f32 {
+    if kind == ColumnKind::Luminaire { 0.5 } else { 0.0 }
+}
 
 /// Blocks from the middle of the picture outwards, where people look first.
 fn from_the_center(partition: &Partition) -> Vec<u32> {
@@ -1062,9 +1072,7 @@ impl Run<'_> {
             }
         };
         let mut config = self.compression((samples, is_last), &header.column_scale, &partition);
-        if samples.is_none() {
-            config.verbatim = job.n_lamps_apart();
-        }
+        config.verbatim = job.n_lamps_apart(samples.is_none());
         let mut of_patches = PatchBlocks::none(&header);
         if is_last && self.patches(&mut of_patches, (0, blocks), (pass, clock.done()), on_event)?.is_break() {
             return Ok(ControlFlow::Break(()));

@@ -55,9 +55,21 @@ const PILOT_SEED: u64 = 7 << 60;
 const WEAK_PIXELS: usize = 128;
 /// Part of a column's entries that may be brighter than its peak.
 pub(crate) const PEAK_QUANTILE: f32 = 0.995;
-/// Share of the median peak below which a column is not measured against its own: the light of a lamp that hardly reaches
-/// the picture comes by rare walks, and would cost more than all others.
+/// Share of the median peak below which a column is not measured against its own where its light comes by rare walks: it would cost more
+/// than all others.
 const DIMMEST: f32 = 0.125;
+/// A column comes by rare walks where the geometric mean of two halves has less than this share of their mean.
+const RARE: f32 = 0.5;
+
+/// What a small picture tells of a column.
+#[derive(Clone, Copy)]
+struct Brightness {
+    /// The 99.5 percentile (where that is dark, the brightest entry or the mean).
+    peak: f32,
+    mean: f32,
+    /// What two halves have in common: the mean of their geometric mean.
+    common: f32,
+}
 
 impl<'a> TransportMatrix<'a> {
     /// With columns as they are, before their scale is known.
@@ -127,31 +139,38 @@ impl<'a> TransportMatrix<'a> {
     }
 
     /// Measures the brightness of each column on a small picture of its own: one over its 99.5 percentile, and the mean over
-    /// pixels of each patch of the sky. A dim column is scaled to an eighth of the median column's peak, both under the
-    /// light of the file.
+    /// pixels of each patch of the sky. A dim column that two halves disagree about is scaled to an eighth of the median column's peak, both
+    /// under the light of the file; one that they agree about keeps its own, however dim.
     ///
     /// Patches of the sky share one scale: they shine together, and most of them light few pixels through a window, so
     /// that a percentile of their own would be next to nothing.
     pub fn measure_columns(self) -> (Vec<f32>, Vec<f32>) {
         let lighting = &self.integrator.scene().lighting;
-        let (mut peaks, means): (Vec<f32>, Vec<f32>) = self.measure_brightness().into_iter().unzip();
+        let measured = self.measure_brightness();
+        let mut peaks: Vec<f32> = measured.iter().map(|column| column.peak).collect();
+        let is_rare = |common: f32, mean: f32| common <= RARE * mean;
+        let mut rare: Vec<bool> = measured.iter().map(|column| is_rare(column.common, column.mean)).collect();
         let patches = SkyPicks::new(lighting);
         let peak = |column: &u32| f64::from(peaks[*column as usize]);
-        let reach = patches.columns().iter().map(|&column| means[column as usize]).collect();
+        let of_patches = || patches.columns().iter().map(|&column| measured[column as usize]);
+        let reach = of_patches().map(|column| column.mean).collect();
         // The mean of the peaks, each weighed by its square: that of the patches that shine in.
         let moment = |power: i32| patches.columns().iter().map(|column| peak(column).powi(power)).sum::<f64>();
         let shared = (moment(3) / moment(2).max(f64::MIN_POSITIVE)) as f32;
-        patches.columns().iter().for_each(|&column| peaks[column as usize] = shared);
+        let all_rare = is_rare(of_patches().map(|c| c.common).sum(), of_patches().map(|c| c.mean).sum());
+        patches.columns().iter().for_each(|&column| {
+            (peaks[column as usize], rare[column as usize]) = (shared, all_rare);
+        });
         let light = lighting.basis.project(&LightRig::default());
         let light: Vec<f32> = light.into_iter().map(|rgb| luminance(Vec3::from(rgb))).collect();
-        (scale_of_peaks(&peaks, &light), reach)
+        (scale_of_peaks(&peaks, &light, &rare), reach)
     }
 
-    /// The 99.5 percentile of each column (where that is dark, its brightest entry or its mean) and its mean.
+    /// How bright each column is.
     ///
     /// Few samples scatter far more than pixels do, and their percentile would tell of noise. So it is that of the geometric mean of
     /// two halves: a speck that only one of them has does not count.
-    fn measure_brightness(self) -> Vec<(f32, f32)> {
+    fn measure_brightness(self) -> Vec<Brightness> {
         let n_cols = self.n_cols();
         let samples = 0..((SAMPLED_COLUMNS / n_cols.max(1)) as u32).clamp(1, PILOT_SAMPLES);
         let (pilots, tiles) = self.pilots();
@@ -163,25 +182,27 @@ impl<'a> TransportMatrix<'a> {
                 rows
             };
             let (mut rows, b) = (half(Half::A), half(Half::B));
-            let mut sums = vec![0.0; n_cols];
+            let mut sums = vec![[0.0; 2]; n_cols];
             for (a, b) in rows.chunks_exact_mut(n_cols).zip(b.chunks_exact(n_cols)) {
-                for ((a, b), sum) in a.iter_mut().zip(b).zip(&mut sums) {
-                    *sum += 0.5 * (*a + b);
+                for ((a, b), [mean, common]) in a.iter_mut().zip(b).zip(&mut sums) {
+                    *mean += 0.5 * (*a + b);
                     *a = a.sqrt() * b.sqrt();
+                    *common += *a;
                 }
             }
             (rows, sums)
         };
-        let measured: Vec<(Vec<f32>, Vec<f32>)> = tiles.par_iter().map(both).collect();
+        let measured: Vec<(Vec<f32>, Vec<[f32; 2]>)> = tiles.par_iter().map(both).collect();
         let of_column = |column: usize| {
-            let mean = measured.iter().map(|(_, sums)| sums[column]).sum::<f32>() / n_rows as f32;
+            let [mean, common] =
+                [0, 1].map(|i| measured.iter().map(|(_, sums)| sums[column][i]).sum::<f32>() / n_rows as f32);
             let rows = measured.iter().flat_map(|(rows, _)| rows.chunks_exact(n_cols));
             let mut values: Vec<f32> = rows.map(|row| row[column]).collect();
             // A lamp that no pixel meets twice is measured by its mean.
-            (peak(&mut values, mean), mean)
+            let [peak, mean, common] = [peak(&mut values, mean), mean, common].map(|x| x / samples.end as f32);
+            Brightness { peak, mean, common }
         };
-        let n_samples = samples.end as f32;
-        (0..n_cols).into_par_iter().map(of_column).map(|(peak, mean)| (peak / n_samples, mean / n_samples)).collect()
+        (0..n_cols).into_par_iter().map(of_column).collect()
     }
 
     /// The same rows of a picture with few pixels, all of which are pilots, tile by tile; of a grid some of its points.
@@ -309,19 +330,19 @@ impl<'a> TransportMatrix<'a> {
     }
 }
 
-/// One over the peak of each column; of lamps whose light in the file stays dim in the picture, one over a share of the
-/// median peak. `light` is the luminance that the file gives each column.
-pub(crate) fn scale_of_peaks(peaks: &[f32], light: &[f32]) -> Vec<f32> {
+/// One over the peak of each column; of lamps whose light in the file stays dim in the picture and is met by rare walks only, one over a
+/// share of the median peak. `light` is the luminance that the file gives each column.
+pub(crate) fn scale_of_peaks(peaks: &[f32], light: &[f32], is_rare: &[bool]) -> Vec<f32> {
     let lit = |p: f32| p > 0.0 && p.is_finite();
     let median_peak = median(peaks.iter().copied().filter(|&p| lit(p))).unwrap_or(1.0);
     let shown = peaks.iter().zip(light).map(|(p, l)| p * l);
     let least_shown = median(shown.filter(|&p| lit(p))).map_or(0.0, |shown| DIMMEST * shown);
-    let scale = |(&peak, &light): (&f32, &f32)| {
-        let least = if light > 0.0 { least_shown / light } else { 0.0 };
+    let scale = |((&peak, &light), &is_rare): ((&f32, &f32), &bool)| {
+        let least = if is_rare && light > 0.0 { least_shown / light } else { 0.0 };
         let peak = if lit(peak) { peak.max(least) } else { least };
         1.0 / if lit(peak) { peak } else { median_peak }
     };
-    peaks.iter().zip(light).map(scale).collect()
+    peaks.iter().zip(light).zip(is_rare).map(scale).collect()
 }
 
 /// The 99.5 percentile of some values. Where that is dark, what is lit counts, which is less than this share: the brightest value, and no
@@ -443,16 +464,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_are_scaled_to_their_peak_but_dim_ones_to_an_eighth_of_the_median() {
-        let scale = scale_of_peaks(&[2.0, 1.0, 4.0, 1e-3, 0.0], &[1.0; 5]);
-        assert_eq!(scale, [0.5, 1.0, 0.25, 4.0, 4.0]);
+    fn columns_are_scaled_to_their_peak_but_dim_and_rare_ones_to_an_eighth_of_the_median() {
+        let scale = |rare: [bool; 5]| scale_of_peaks(&[2.0, 1.0, 4.0, 1.0 / 1024.0, 0.0], &[1.0; 5], &rare);
+        assert_eq!(scale([true; 5]), [0.5, 1.0, 0.25, 4.0, 4.0]);
+        assert_eq!(scale([false, false, false, false, true]), [0.5, 1.0, 0.25, 1024.0, 4.0]);
     }
 
     #[test]
     fn a_small_lamp_that_the_file_turns_up_counts_as_much_as_a_large_one() {
         let dim = 1.0 / 1024.0;
-        assert_eq!(scale_of_peaks(&[1.0, 1.0, dim], &[1.0, 1.0, 1024.0]), [1.0, 1.0, 1024.0]);
+        assert_eq!(scale_of_peaks(&[1.0, 1.0, dim], &[1.0, 1.0, 1024.0], &[true; 3]), [1.0, 1.0, 1024.0]);
         // A lamp that is off in the file keeps its own peak; one that lights nothing takes the median.
-        assert_eq!(scale_of_peaks(&[1.0, dim, 0.0], &[1.0, 0.0, 0.0]), [1.0, 1024.0, 1.0]);
+        assert_eq!(scale_of_peaks(&[1.0, dim, 0.0], &[1.0, 0.0, 0.0], &[true; 3]), [1.0, 1024.0, 1.0]);
     }
 }

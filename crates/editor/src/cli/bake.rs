@@ -21,7 +21,7 @@ use super::console::{Answer, Console, advance, duration_words};
 use super::estimate;
 use super::reuse::Earlier;
 use super::view::{
-    View, inputs_of, load_look, on_threads, open_view, requested_sky, spare_look, spare_scene, warn_of_no_sky,
+    View, inputs_of, load_look, on_threads, open_view, requested_sky, spare_look, spare_scene_by_all, warn_of_no_sky,
 };
 use crate::black::black_words;
 use crate::look::Look;
@@ -93,7 +93,7 @@ type Baked = (Bake, BakeTimes, Option<Earlier>);
 
 fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Console) -> Result<Baked> {
     let inputs: Vec<_> = inputs_of(&args.options.view).collect();
-    places_of(output).iter().try_for_each(|place| spare_scene(place, scene))?;
+    spare_scene_by_all(&places_of(output), scene)?;
     reserve(output, &inputs)?;
     spare_half_done(output, &args.options)?;
     let look = load_look(args.look.as_deref(), console)?;

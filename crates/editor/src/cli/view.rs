@@ -79,12 +79,20 @@ pub(super) fn inputs_of(args: &ViewArgs) -> impl Iterator<Item = (&'static str, 
 
 /// Refuses an output that would overwrite a scene or a file that it names.
 pub(crate) fn spare_scene(output: &Path, scene: &Path) -> Result<()> {
-    spare_inputs(output, [("scene", scene)])?;
+    spare_scene_by_all(&[output], scene)
+}
+
+/// The same of several outputs, for which the scene is read once.
+pub(crate) fn spare_scene_by_all<P: AsRef<Path>>(outputs: &[P], scene: &Path) -> Result<()> {
+    let outputs = || outputs.iter().map(AsRef::as_ref);
+    outputs().try_for_each(|output| spare_inputs(output, [("scene", scene)]))?;
     // Where nothing is, nothing is overwritten, and the scene need not be read for that.
-    if !output.exists() {
+    let mut existing = outputs().filter(|output| output.exists()).peekable();
+    if existing.peek().is_none() {
         return Ok(());
     }
-    spare_files(output, &files_of_scene(scene))
+    let files = files_of_scene(scene);
+    existing.try_for_each(|output| spare_files(output, &files))
 }
 
 /// The files that a scene names, and what they are called.

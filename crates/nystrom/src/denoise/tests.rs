@@ -49,7 +49,7 @@ impl Field {
     fn compressed(&self) -> BlockLowRank {
         let mut matrix = BlockLowRank::new(partition(), 2, N_COLS as u32);
         let tolerance = Tolerance::AbsoluteMeanSquare(1e-4);
-        let group = ColumnGroup { columns: 0..N_COLS, tolerance, preserved: vec![1.0; N_COLS], share: 1.0 };
+        let group = ColumnGroup { columns: 0..N_COLS, tolerance, preserved: vec![1.0; N_COLS], share: 1.0, apart: 0.0 };
         let samples = SamplePlan { batch: 2, min: 2, max: 2 };
         let config = CompressConfig { groups: vec![group], samples, ..CompressConfig::default() };
         let blocks: Vec<u32> = (0..9).collect();

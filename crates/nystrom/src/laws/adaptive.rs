@@ -72,8 +72,13 @@ fn rare_large_samples_are_worth_as_much_whenever_sampling_stops() {
         let matrix = RareLarge { n_rows: 12000, seed: seed as u64, independent };
         let partition = Partition { width: 12000, height: 1, tile: 4 };
         let blocks: Vec<u32> = (0..partition.n_blocks() as u32).collect();
-        let group =
-            ColumnGroup { columns: 0..N_REACHED + 1, tolerance, preserved: vec![1.0; N_REACHED + 1], share: 1.0 };
+        let group = ColumnGroup {
+            columns: 0..N_REACHED + 1,
+            tolerance,
+            preserved: vec![1.0; N_REACHED + 1],
+            share: 1.0,
+            apart: 0.0,
+        };
         let config = CompressConfig { groups: vec![group], samples: plan, ..CompressConfig::default() };
         let (mut low_rank, mut sparse, mut n_samples, mut n_parted) = (0.0, 0.0, 0.0, 0);
         let flow = compress(&matrix, &partition, &blocks, &config, |_, mut factors| {
@@ -148,7 +153,7 @@ fn one_sided(noisy: Half, samples: SamplePlan) -> (Vec<BlockFactors>, [usize; 2]
     let matrix = OneSided { noisy, sampled: Default::default() };
     let group = |columns: Range<usize>| {
         let preserved = vec![1.0; columns.len()];
-        ColumnGroup { columns, tolerance: Tolerance::AbsoluteMeanSquare(1e-3), preserved, share: 1.0 }
+        ColumnGroup { columns, tolerance: Tolerance::AbsoluteMeanSquare(1e-3), preserved, share: 1.0, apart: 0.0 }
     };
     let config = CompressConfig { groups: vec![group(0..2), group(2..5)], samples, ..CompressConfig::default() };
     let mut found = Vec::new();
@@ -238,6 +243,7 @@ fn of_chessboard(matrix: &Chessboard) -> BlockFactors {
         tolerance: Tolerance::AbsoluteMeanSquare(1e-3),
         preserved: vec![1.0; 3],
         share: 1.0,
+        apart: 0.0,
     };
     let samples = SamplePlan { batch: 3, min: 1, max: 8 };
     let config = CompressConfig { groups: vec![group], samples, ..CompressConfig::default() };
@@ -282,7 +288,8 @@ fn a_block_with_sparse_entries_is_not_done_after_one_sample() {
 fn who_leaves_in_the_middle_of_a_block_is_not_sampled_for() {
     let matrix = OneSided { noisy: Half::A, sampled: Default::default() };
     let taken = || matrix.sampled.iter().map(|n| n.load(Ordering::Relaxed)).sum::<usize>();
-    let group = ColumnGroup { columns: 0..2, tolerance: Tolerance::Rank(2), preserved: Vec::new(), share: 1.0 };
+    let group =
+        ColumnGroup { columns: 0..2, tolerance: Tolerance::Rank(2), preserved: Vec::new(), share: 1.0, apart: 0.0 };
     let samples = SamplePlan { batch: 1, min: 1 << 12, max: 1 << 12 };
     let config = CompressConfig { groups: vec![group], samples, ..CompressConfig::default() };
     let guide = Guide { goes_on: &|| taken() < 8, ..Guide::default() };

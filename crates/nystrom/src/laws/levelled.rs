@@ -33,7 +33,7 @@ fn found_with(noisy_columns: NoisyColumns, case: &Case, asked: f32, max_rank: u3
     let halves = rows.each_ref().map(Vec::as_slice);
     let samples = BlockSamples { halves, sparse: [&[]; 2], n_cols, bundle_len: case.bundle_len, n_samples: [1; 2] };
     let tolerance = Tolerance::AbsoluteMeanSquare(asked);
-    let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved: vec![1.0; n_cols], share: 1.0 };
+    let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved: vec![1.0; n_cols], share: 1.0, apart: 0.0 };
     let n_bundles = (n_rows / case.bundle_len) as u32;
     let partition = Partition { width: n_bundles, height: 1, tile: n_bundles };
     let columns = vec![ColumnRun::Grid { width: n_cols as u32, height: 1 }];
@@ -69,6 +69,30 @@ fn full_rank_is_as_exact_as_the_samples() {
         let allowed = 2.0 * case.distance(&case.mean()) + FLOOR * case.norm();
         assert!(error <= allowed, "{n_rows} × {n_cols}: {error}, {allowed} is allowed");
     }
+}
+
+/// A column that the strong ones drown has as small a part of itself missing as they have, where columns are looked at one by one.
+#[test]
+fn a_weak_column_lacks_no_more_of_itself_than_strong_ones_where_columns_are_apart() {
+    let (n_rows, n_cols) = (96, 4);
+    let mut rng = Random::new([94, 0]);
+    let strengths = [1.0f32, 1.0, 1.0, 0.01];
+    let truth: Vec<f32> = (0..n_rows * n_cols).map(|at| strengths[at % n_cols] * (1.0 + 0.5 * rng.normal())).collect();
+    let samples = BlockSamples { halves: [&truth; 2], sparse: [&[]; 2], n_cols, bundle_len: 3, n_samples: [1; 2] };
+    let missing = |apart: f32| {
+        let tolerance = Tolerance::AbsoluteMeanSquare(1e-3);
+        let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0, apart };
+        let config = CompressConfig { groups: vec![group], ..CompressConfig::default() };
+        let factors = compress_block(&samples, &config, 0).unwrap().remove(0);
+        let sums =
+            factors.dense().chunks_exact(n_cols).zip(truth.chunks_exact(n_cols)).fold([0.0; 2], |sums, (x, y)| {
+                let [missing, all] = [x[n_cols - 1] - y[n_cols - 1], y[n_cols - 1]].map(|x| f64::from(x).powi(2));
+                [sums[0] + missing, sums[1] + all]
+            });
+        (sums[0] / sums[1]).sqrt()
+    };
+    let [together, apart] = [0.0, 0.5].map(missing);
+    assert!(together > 0.3 && apart < 0.15, "{together} {apart}");
 }
 
 /// Each entry has a tenth of itself as noise, so that noises of columns are up to 2^40 apart and some have none.

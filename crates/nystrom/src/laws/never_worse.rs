@@ -65,7 +65,7 @@ fn compressed([a, b]: [&[f32]; 2], preserved: Vec<f32>) -> BlockFactors {
     let grid = vec![ColumnRun::Grid { width: SIDE as u32, height: SIDE as u32 }];
     let partition = Partition { width: SIDE as u32, height: SIDE as u32, tile: SIDE as u32 };
     let tolerance = Tolerance::AbsoluteMeanSquare(1e-4);
-    let group = ColumnGroup { columns: 0..N_COLS, tolerance, preserved, share: 1.0 };
+    let group = ColumnGroup { columns: 0..N_COLS, tolerance, preserved, share: 1.0, apart: 0.0 };
     let smoothing = Some(Arc::new(Smoothing::new(partition, BUNDLE, vec![grid])));
     let config = CompressConfig { groups: vec![group], smoothing, ..CompressConfig::default() };
     let samples =

@@ -57,7 +57,7 @@ fn within(case: &Case, tolerance: f32) -> f64 {
     let halves = rows.each_ref().map(Vec::as_slice);
     let samples = BlockSamples { halves, sparse: [&[]; 2], n_cols, bundle_len: case.bundle_len, n_samples: [1; 2] };
     let tolerance = Tolerance::RelativeFrobenius(tolerance);
-    let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0 };
+    let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0, apart: 0.0 };
     let config = CompressConfig { max_rank: 1000, ..CompressConfig::default() };
     let factors = compress::unpacked(&samples, &group, &config, 0, &mut Means::default()).unwrap();
     distance(case, &factors)

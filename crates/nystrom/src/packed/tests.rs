@@ -39,7 +39,7 @@ fn example(noise: f32) -> BlockLowRank {
 }
 
 fn plan(allowed: f32) -> PackPlan {
-    PackPlan { columns: columns(), allowed, strong: 0.0, preserved: vec![1.0; 67] }
+    PackPlan { columns: columns(), allowed, strong: 0.0, apart: 0.0, preserved: vec![1.0; 67] }
 }
 
 /// Mean square difference over the blocks that are there.
@@ -135,6 +135,24 @@ fn weak_blocks_are_stored_more_finely_where_it_is_told_which_are_strong() {
     // All blocks are weaker than 1: by the square root of their mean squares.
     let (plain, tightened) = (error(0.0), error(1.0));
     assert!(tightened < 0.3 * plain, "{tightened} {plain}");
+}
+
+#[test]
+fn a_weak_column_is_stored_as_finely_as_it_is_weak_where_columns_are_apart() {
+    let mut matrix = example(0.05);
+    let block = Arc::make_mut(matrix.blocks[0].as_mut().unwrap());
+    let (n_cols, weak) = (block.n_cols as usize, 7);
+    block.right.iter_mut().skip(weak).step_by(n_cols).for_each(|x| *x = half::f16::from_f32(x.to_f32() / 32.0));
+    block.sparse.clear();
+    let error = |apart: f32| {
+        let plan = PackPlan { apart, preserved: Vec::new(), ..plan(1e-3) };
+        let unpacked = PackedMatrix::pack(&matrix, &plan).unpack().unwrap();
+        let [a, b] = [&matrix, &unpacked].map(|matrix| matrix.blocks[0].as_ref().unwrap().dense());
+        let of_weak = a.iter().zip(&b).skip(weak).step_by(n_cols);
+        of_weak.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
+    };
+    let (together, apart) = (error(0.0), error(0.5));
+    assert!(apart < 0.1 * together, "{apart} {together}");
 }
 
 /// The noise of one column says nothing of the others.
@@ -287,7 +305,8 @@ fn blocks_of_nobody_are_errors_and_never_panics() {
 fn nothing_and_next_to_nothing_pack() {
     let partition = Partition { width: 3, height: 1, tile: 2 };
     let mut matrix = BlockLowRank::new(partition, 1, 1);
-    let plan = PackPlan { columns: vec![ColumnRun::List(1)], allowed: 1e-3, strong: 0.0, preserved: Vec::new() };
+    let plan =
+        PackPlan { columns: vec![ColumnRun::List(1)], allowed: 1e-3, strong: 0.0, apart: 0.0, preserved: Vec::new() };
     let there_and_back = |matrix: &BlockLowRank| PackedMatrix::pack(matrix, &plan).unpack().unwrap();
     assert!(there_and_back(&matrix).blocks.iter().all(Option::is_none));
     let zero = BlockFactors::from_f32(&[], &[], 2, 1, 0);

@@ -297,7 +297,7 @@ fn compressed(halves: [&DMatrix<f64>; 2], method: Method, tolerance: Tolerance) 
     let n_cols = halves[0].ncols();
     let samples =
         BlockSamples { halves: [&sums[0], &sums[1]], sparse: [&[]; 2], n_cols, bundle_len: 3, n_samples: [1; 2] };
-    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0 }];
+    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0, apart: 0.0 }];
     let config = CompressConfig { groups, method, ..CompressConfig::default() };
     compress_block(&samples, &config, 0).unwrap().swap_remove(0)
 }
@@ -366,7 +366,7 @@ fn what_is_not_rounded_yet_is_off_by_less_than_eleven_bits() {
     let rows = matrix.transpose().as_slice().to_vec();
     let samples = BlockSamples { halves: [&rows; 2], sparse: [&[]; 2], n_cols: 40, bundle_len: 1, n_samples: [1; 2] };
     let tolerance = Tolerance::Rank(40);
-    let groups = vec![ColumnGroup { columns: 0..40, tolerance, preserved: Vec::new(), share: 1.0 }];
+    let groups = vec![ColumnGroup { columns: 0..40, tolerance, preserved: Vec::new(), share: 1.0, apart: 0.0 }];
     let config = CompressConfig { groups, ..CompressConfig::default() };
     let wide = unrounded(&samples, &config, 0).unwrap().swap_remove(0).to_dense();
     let rounded = compress_block(&samples, &config, 0).unwrap().swap_remove(0).dense();

@@ -17,7 +17,7 @@ pub(super) fn projected<S: Real>(matrix: &DMatrix<S>, rank: usize, seed: u64) ->
     let row_major: Vec<f32> = matrix.transpose().iter().map(|x| x.to_f64() as f32).collect();
     let samples = BlockSamples { halves: [&row_major; 2], sparse: [&[]; 2], n_cols, bundle_len: 1, n_samples: [1; 2] };
     let tolerance = Tolerance::Rank(rank as u32);
-    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0 }];
+    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0, apart: 0.0 }];
     let config = CompressConfig { groups, max_rank: rank as u32, seed, ..CompressConfig::default() };
     let found = compress_block(&samples, &config, 0).expect("whole rows of finite samples").swap_remove(0);
     let rank = found.rank as usize;

@@ -36,8 +36,13 @@ fn smoothing() -> Smoothing {
 
 fn compressed(halves: [&[f32]; 2], smoothing: Option<Smoothing>, preserved: Vec<f32>) -> BlockFactors {
     let samples = BlockSamples { halves, sparse: [&[]; 2], n_cols: N_COLS, bundle_len: 3, n_samples: [1; 2] };
-    let group =
-        ColumnGroup { columns: 0..N_COLS, tolerance: Tolerance::AbsoluteMeanSquare(1e-4), preserved, share: 1.0 };
+    let group = ColumnGroup {
+        columns: 0..N_COLS,
+        tolerance: Tolerance::AbsoluteMeanSquare(1e-4),
+        preserved,
+        share: 1.0,
+        apart: 0.0,
+    };
     let smoothing = smoothing.map(Arc::new);
     let config = CompressConfig { groups: vec![group], smoothing, ..CompressConfig::default() };
     compress_block(&samples, &config, 1).unwrap().swap_remove(0)
@@ -102,6 +107,7 @@ fn a_smoothing_for_another_matrix_is_refused() {
         tolerance: Tolerance::AbsoluteMeanSquare(1.0),
         preserved: Vec::new(),
         share: 1.0,
+        apart: 0.0,
     };
     for (block_idx, bundle_len, n) in [(2, 3, N_COLS), (0, 1, N_COLS), (0, 3, N_COLS - 1)] {
         let config = CompressConfig {

@@ -83,7 +83,7 @@ pub fn stored(case: &Case) -> Result<Stored, StoredError> {
     let asked = ASKED * case.norm();
     let (allowed, strong) = ((asked * asked / entries) as f32, (STRONG * case.norm() / entries.sqrt()) as f32);
     let tolerance = Tolerance::AbsoluteMeanSquare(allowed);
-    let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved: preserved.clone(), share: 1.0 };
+    let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved: preserved.clone(), share: 1.0, apart: 0.0 };
     let smoothing = Smoothing::new(partition.clone(), case.bundle_len, vec![columns.clone()]);
     let config = CompressConfig {
         groups: vec![group],
@@ -103,7 +103,7 @@ pub fn stored(case: &Case) -> Result<Stored, StoredError> {
         likeness: &likeness,
     };
     let denoised = denoiser.all(std::slice::from_ref(&sampled), &|| true).expect("nobody says no").remove(0);
-    let plan = PackPlan { columns: columns.clone(), allowed, strong, preserved: preserved.clone() };
+    let plan = PackPlan { columns: columns.clone(), allowed, strong, apart: 0.0, preserved: preserved.clone() };
     let mut bytes = Vec::new();
     PackedMatrix::pack(&denoised, &plan).encode(&mut bytes);
     let unpacked = PackedMatrix::decode(&bytes, partition.clone(), bundle_len, columns)?.0.unpack()?;

@@ -7,7 +7,7 @@ use clerestory_nystrom::{BlockLowRank, PackPlan, PackedMatrix};
 
 use super::focus::Focus;
 use super::patches::PATCH_TOLERANCE_DB;
-use super::{BRIGHT, Bake, BakeHeader, PackedMatrices, mean_square, truncation_share};
+use super::{BRIGHT, Bake, BakeHeader, PackedMatrices, apart, mean_square, truncation_share};
 use crate::basis::{ColumnGroup, ColumnKind};
 use crate::column_errors::BeforePacking;
 
@@ -58,6 +58,7 @@ impl BakeHeader {
                 columns: self.basis.runs(group),
                 allowed: allowed(group.kind),
                 strong: BRIGHT,
+                apart: apart(group.kind),
                 preserved: file_light[group.columns.start as usize..group.columns.end as usize].to_vec(),
             };
             self.basis.groups.iter().map(plan).collect()

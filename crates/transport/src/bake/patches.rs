@@ -133,7 +133,13 @@ impl BakeJob {
         let max = (self.config.spp / 2).max(1);
         let tolerance = Tolerance::AbsoluteMeanSquare(mean_square(PATCH_TOLERANCE_DB) * gain);
         CompressConfig {
-            groups: vec![ColumnGroup { columns: 0..n_columns, tolerance, preserved: Vec::new(), share: 1.0 }],
+            groups: vec![ColumnGroup {
+                columns: 0..n_columns,
+                tolerance,
+                preserved: Vec::new(),
+                share: 1.0,
+                apart: 0.0,
+            }],
             samples: SamplePlan { batch: max.min(8), min: max.min(FIRST_LOOK), max },
             seed: self.config.seed,
             max_rank: most_rank(self.config.block),

@@ -150,7 +150,7 @@ impl StackJob {
 
     fn surveyed(self, rows: Range<u32>, surveys: Vec<Survey>) -> SurveyedStack {
         let peaks: Vec<f32> = surveys.iter().map(|survey| survey.peak).collect();
-        let scale = scale_of_peaks(&peaks, &vec![1.0; peaks.len()]);
+        let scale = scale_of_peaks(&peaks, &vec![1.0; peaks.len()], &vec![false; peaks.len()]);
         let digests: Vec<u64> = surveys.iter().map(|survey| survey.digest).collect();
         let header =
             self.header(&digests, scale.into_iter().map(|s| s.clamp(*SCALES.start(), *SCALES.end())).collect());

@@ -198,3 +198,20 @@ fn a_lamp_whose_light_comes_by_rare_walks_is_named_with_its_error() {
         assert!(-most < better && better < 5.0, "{light:?} told, {found} found");
     }
 }
+
+/// A night lamp beside the sun: muted lights leave neither darkness nor their own light.
+#[test]
+fn a_lamp_far_dimmer_than_the_other_one_is_itself_alone() {
+    let camera = Camera::look_at("door", Vec3::new(0.2, 0.1, 0.9), Vec3::new(0.0, -0.3, -1.0), 1.1, 4.0 / 3.0);
+    let stage = Stage::new(camera).surface("walls", &room(Vec3::ONE), lambert(0.6, 0.0));
+    let stage = stage.lamp("bright", Vec3::new(-0.6, 0.2, -0.1), 5e4).lamp("dim", Vec3::new(0.5, 0.3, -0.2), 0.5);
+    let scene = Arc::new(stage.prepared());
+    let config = BakeConfig { spp: 32, tolerance_db: 35.0, seed: 6, ..BakeConfig::default() };
+    let bake = pictures::baked(&scene, FILM, config);
+    assert!(bake.groups[0].blocks.iter().flatten().all(|block| block.rank == 2), "each lamp is there by itself");
+    let dim = only(1, 2);
+    let (got, want) = (block_means(&relit(&bake, &dim)), block_means(&traced(&scene, &dim, 3)));
+    for (block, (got, want)) in got.iter().zip(&want).enumerate() {
+        assert!((got / want - 1.0).abs() < 0.1, "block {block}: {got}, {want} is traced");
+    }
+}

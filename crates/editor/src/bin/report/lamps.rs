@@ -37,10 +37,12 @@ use super::desk::Desk;
 use super::rendered::{relit, rendered};
 use super::scenes;
 
-/// Names of the sections, and what headings of the second one end with, so that none stands twice on the page.
+/// Names of the sections, and what headings of the others end with, so that none stands twice on the page.
 const OWN: &str = "lamps";
 pub const OTHERS: &str = "lamps-others";
 const OF_OTHERS: &str = ", in scenes of others";
+pub const LIVING_ROOM: &str = "lamps-living-room";
+const OF_LIVING_ROOM: &str = ", under a sky";
 
 /// Strength of the lamp, lm.
 const LUMEN: f32 = 1500.0;
@@ -122,9 +124,22 @@ pub fn write_others(desk: &Desk) -> Result<String> {
     measured(desk, (OTHERS, OF_OTHERS), others(desk))
 }
 
+/// Tables of the one under a sky, apart for the same reason.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_living_room(desk: &Desk) -> Result<String> {
+    measured(desk, (LIVING_ROOM, OF_LIVING_ROOM), living_room(desk))
+}
+
 /// Whether there are any: without them the page keeps what was measured elsewhere.
 pub fn has_others(desk: &Desk) -> bool {
     !others(desk).is_empty()
+}
+
+/// Whether the one under a sky is at hand.
+pub fn has_living_room(desk: &Desk) -> bool {
+    !living_room(desk).is_empty()
 }
 
 /// Tables of some scenes; `of` is what their headings end with.
@@ -149,7 +164,8 @@ fn measured(desk: &Desk, (section, of): (&str, &str), cases: Vec<Case>) -> Resul
 }
 
 pub(super) fn cases(desk: &Desk) -> Vec<Case> {
-    own(desk).into_iter().chain(others(desk)).take(desk.choose(1, usize::MAX)).collect()
+    let all = own(desk).into_iter().chain(others(desk)).chain(living_room(desk));
+    all.take(desk.choose(1, usize::MAX)).collect()
 }
 
 fn own(desk: &Desk) -> Vec<Case> {
@@ -157,16 +173,20 @@ fn own(desk: &Desk) -> Vec<Case> {
 }
 
 fn others(desk: &Desk) -> Vec<Case> {
-    let shared = |name: &str| desk.shared(&format!("scenes/{name}.glb"));
-    let all = [
-        ("conference", shared("conference"), None),
-        ("staircase2", shared("bitterli-staircase2"), None),
-        ("living-room", shared("bitterli-living-room"), desk.shared("env/bitterli-living-room-sky19.exr")),
-    ];
-    let case = |(name, path, sky): (&'static str, Option<PathBuf>, Option<PathBuf>)| {
-        Some(Case { name, path: path.filter(|path| path.exists())?, sky, change: None })
-    };
-    all.into_iter().filter_map(case).take(desk.choose(1, usize::MAX)).collect()
+    let all = [("conference", "conference"), ("staircase2", "bitterli-staircase2")];
+    let cases = all.into_iter().filter_map(|(name, file)| of_others(desk, name, file, None));
+    cases.take(desk.choose(1, usize::MAX)).collect()
+}
+
+fn living_room(desk: &Desk) -> Vec<Case> {
+    let sky = desk.shared("env/bitterli-living-room-sky19.exr");
+    of_others(desk, "living-room", "bitterli-living-room", sky).into_iter().collect()
+}
+
+/// A scene of others and its sky, if it is at hand.
+fn of_others(desk: &Desk, name: &'static str, file: &str, sky: Option<PathBuf>) -> Option<Case> {
+    let path = desk.shared(&format!("scenes/{file}.glb"))?;
+    Some(Case { name, path, sky, change: None })
 }
 
 /// Lamps of a scene, the light that belongs to it, and two traced and live pictures of each.

@@ -2,7 +2,7 @@
 //! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [--into DIR] [SECTION]…`
 //!
-//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room`, `matrix-panel` and `lamps-others` where their scenes are, `peers` where another renderer is), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
+//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room`, `matrix-panel`, `lamps-others` and `lamps-living-room` where their scenes are, `peers` where another renderer is), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
 //! it is finished by the same program. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
@@ -72,7 +72,7 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 28] = [
+const SECTIONS: [Section; 29] = [
     Section { name: "time", write: time::write },
     Section { name: time::MIRRORS, write: time::write_mirrors },
     Section { name: time::MIXED, write: time::write_mixed },
@@ -99,6 +99,7 @@ const SECTIONS: [Section; 28] = [
     Section { name: "rays", write: rays::write },
     Section { name: "lamps", write: lamps::write },
     Section { name: lamps::OTHERS, write: lamps::write_others },
+    Section { name: lamps::LIVING_ROOM, write: lamps::write_living_room },
     Section { name: lamps::more::NAME, write: lamps::more::write },
     Section { name: "steps", write: steps::write },
 ];
@@ -225,6 +226,7 @@ fn can_be_measured(desk: &Desk, section: &Section) -> bool {
         time::OTHERS => time::has_others(desk),
         time::LIVING_ROOM => time::has_living_room(desk),
         lamps::OTHERS => lamps::has_others(desk),
+        lamps::LIVING_ROOM => lamps::has_living_room(desk),
         matrix::PANEL => matrix::has_panel(desk),
         peers::NAME => {
             let missing = peers::missing(desk);

@@ -25,6 +25,7 @@ impl StackJob {
             tolerance: Tolerance::AbsoluteMeanSquare(allowed),
             preserved: column_scale.iter().map(|scale| 1.0 / scale).collect(),
             share: 1.0,
+            apart: 0.0,
         };
         CompressConfig {
             groups: vec![all],

@@ -98,6 +98,23 @@ fn every_picture_comes_back_to_the_error_that_was_asked_for() {
 }
 
 #[test]
+fn a_picture_far_darker_than_the_others_comes_back_as_well() {
+    let folder = stack();
+    let dark = |x: usize, y: usize, channel: usize| 1e-4 * value(0, x, y, channel);
+    write_light(folder.path(), 0, dark);
+    let bake = baked(job(folder.path(), 40.0));
+    let muted = LightSetting { muted: true, ..LightSetting::default() };
+    let lights = (1..N_LIGHTS).map(|other| (format!("light_{other}"), muted)).collect();
+    let pixels = relit(&bake, &LightRig { lights, ..LightRig::default() }, 1);
+    let sums = pixels.iter().enumerate().fold([0.0; 2], |sums, (pixel, relit)| {
+        let wanted = dark(pixel % SIZE[0], pixel / SIZE[0], 1);
+        [sums[0] + f64::from(relit - wanted).powi(2), sums[1] + f64::from(wanted).powi(2)]
+    });
+    let missing = (sums[0] / sums[1]).sqrt();
+    assert!(missing < 0.05, "{missing} of a dark picture is missing");
+}
+
+#[test]
 fn a_rig_of_the_pictures_is_their_sum() {
     let folder = stack();
     let bake = baked(job(folder.path(), 50.0));

@@ -127,6 +127,7 @@ fn written(header: &BakeHeader, height: u32, path: &Path) -> Result<f64> {
         columns: vec![ColumnRun::Grid { width: SIDE, height: SIDE }],
         allowed: (LOST * mean_square) as f32,
         strong: 0.0,
+        apart: 0.0,
         preserved: vec![1.0; n_cols as usize],
     };
     let packed = vec![groups.iter().map(|group| PackedMatrix::pack(group, &plan)).collect()];

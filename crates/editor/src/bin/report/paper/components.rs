@@ -67,8 +67,10 @@ impl Components {
         let side = picture.n_cols.isqrt() as u32;
         let columns = vec![ColumnRun::Grid { width: side, height: side }];
         let preserved = vec![1.0; picture.n_cols];
-        let packed =
-            PackedMatrix::pack(&matrix, &PackPlan { columns, allowed: allowed as f32, strong: BRIGHT, preserved });
+        let packed = PackedMatrix::pack(
+            &matrix,
+            &PackPlan { columns, allowed: allowed as f32, strong: BRIGHT, apart: 0.0, preserved },
+        );
         written_and_read(&packed)
     }
 }

@@ -136,6 +136,7 @@ impl Subject {
             tolerance: Tolerance::AbsoluteMeanSquare(share * allowed),
             preserved: vec![1.0; n_cols],
             share: 1.0,
+            apart: 0.0,
         };
         let side = n_cols.isqrt() as u32;
         let grid = vec![ColumnRun::Grid { width: side, height: side }];
@@ -242,7 +243,7 @@ impl Subject {
 
 /// How a matrix whose brightest light is 1 is packed to a mean square error: darker blocks are held to less, as in bakes.
 pub fn pack_plan(columns: Vec<ColumnRun>, n_cols: usize, allowed: f32) -> PackPlan {
-    PackPlan { columns, allowed, strong: BRIGHT, preserved: vec![1.0; n_cols] }
+    PackPlan { columns, allowed, strong: BRIGHT, apart: 0.0, preserved: vec![1.0; n_cols] }
 }
 
 /// Bytes that a packed matrix takes in a file, and what is read back.

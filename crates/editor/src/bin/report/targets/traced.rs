@@ -129,6 +129,7 @@ pub fn compression(partition: &Partition, n_cols: usize, tolerance_db: f64, shar
         tolerance: Tolerance::AbsoluteMeanSquare(share * allowed(tolerance_db)),
         preserved: vec![1.0; n_cols],
         share: 1.0,
+        apart: 0.0,
     };
     let smoothing = Smoothing::new(partition.clone(), CHANNELS, vec![vec![grid(n_cols)]]);
     CompressConfig {
