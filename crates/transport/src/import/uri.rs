@@ -163,8 +163,9 @@ fn has_scheme(uri: &str) -> bool {
 
 /// Whether a name, read as one of this system or of another, stays below the folder that it is looked for in.
 fn is_below(name: &str) -> bool {
-    // Where the system allows it a colon is part of a name, but for that of a drive.
-    let on_a_drive = name.find(':') == Some(1) || (cfg!(windows) && name.contains(':'));
+    // Where the system allows it a colon is part of a name, but for that of a drive with a path behind it.
+    let has_drive = name.find(':') == Some(1) && matches!(name.as_bytes().get(2), None | Some(b'/' | b'\\'));
+    let on_a_drive = has_drive || (cfg!(windows) && name.contains(':'));
     let climbs = name.split(['/', '\\']).any(|step| step == "..");
     let plain = |component| matches!(component, Component::Normal(_) | Component::CurDir);
     !on_a_drive && !name.starts_with('\\') && !climbs && Path::new(name).components().all(plain)
@@ -330,6 +331,9 @@ mod tests {
         #[cfg(unix)]
         {
             std::fs::write(outside.path().join("secret"), "s").unwrap();
+            std::fs::write(folder.path().join("a:b.bin"), "d").unwrap();
+            assert_eq!(locator.fetch("a%3Ab.bin").unwrap(), b"d");
+            assert!(named_file(folder.path(), "a%3Ab.bin").is_some() && locator.fetch("a:b.bin").is_err());
             std::os::unix::fs::symlink(outside.path(), folder.path().join("out")).unwrap();
             std::os::unix::fs::symlink(folder.path().join("a b.bin"), folder.path().join("in")).unwrap();
             assert!(locator.fetch("out/secret").unwrap_err().contains("beside"));
