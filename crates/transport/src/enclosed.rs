@@ -8,8 +8,8 @@ use glam::{Quat, Vec2, Vec3};
 
 use crate::bvh::Ray;
 use crate::emitters::{Emitter, punctual_falloff};
-use crate::prepared::PreparedScene;
-use crate::sampler::{Sampler, uniform_sphere};
+use crate::prepared::{PreparedScene, SurfaceHit};
+use crate::sampler::{Sampler, cosine_around, uniform_sphere};
 use crate::scene::{PunctualKind, PunctualLight};
 
 /// Directions that are looked into from a lamp: few tell most apart, more find narrow openings.
@@ -21,6 +21,8 @@ const MOST_M: f32 = 2.0;
 const MOST_OF_EXTENT: f32 = 0.15;
 /// Stream of random numbers that nobody else uses.
 const STREAM: u64 = 5 << 60;
+/// The same for where walls throw light.
+const STREAM_OF_WALLS: u64 = STREAM | 1;
 
 /// Where rays begin, and whereto.
 type Rays<'a> = Box<dyn Iterator<Item = [Vec3; 2]> + 'a>;
@@ -56,7 +58,8 @@ fn own_node(scene: &PreparedScene, emitter: &Emitter) -> Option<u32> {
     Some(scene.scene.mesh.triangle_node[triangle as usize])
 }
 
-/// The node of most of the walls that stand around a light close by; `None` if light of it comes out, or comes far.
+/// The node of most of the walls that stand around a light close by; `None` if light of it comes out, or comes far, also when walls
+/// have thrown it back.
 fn around(scene: &PreparedScene, emitter: &Emitter) -> Option<u32> {
     let [few, many] = match emitter {
         Emitter::Punctual(_) => DIRECTIONS,
@@ -100,19 +103,27 @@ fn leaving(scene: &PreparedScene, triangle: u32, position: Vec3, toward: Vec3) -
     [scene.off_triangle(triangle, position, outward), toward]
 }
 
-/// How often rays meet walls of each node; `None` if one meets none.
+/// How often rays meet walls of each node; `None` if one meets none, or if what a wall throws back comes out: a spot over a table
+/// shines onto the table alone, and lights the room.
 fn walls(scene: &PreparedScene, rays: Rays) -> Option<BTreeMap<u32, u32>> {
     let most_m = MOST_M.min(MOST_OF_EXTENT * scene.extent());
     let mut nodes: BTreeMap<u32, u32> = BTreeMap::new();
-    for (nth, [origin, direction]) in rays.enumerate() {
-        let ray = Ray { origin, direction, t_min: 0.0, t_max: most_m };
-        let hit = scene.closest(&ray, &mut Sampler::new(0, nth as u64, 0))?;
-        if !scene.is_wall(hit.triangle) {
+    for (nth, [origin, direction]) in (0_u32..).zip(rays) {
+        let met = wall(scene, nth, &Ray { origin, direction, t_min: 0.0, t_max: most_m })?;
+        let outward = met.outward(-direction);
+        let thrown = cosine_around(outward, Sampler::new(0, STREAM_OF_WALLS, nth).next_2d());
+        let ray = Ray { origin: met.origin(outward), direction: thrown, t_min: 0.0, t_max: 2.0 * most_m };
+        if wall(scene, nth, &ray)?.position.distance(origin) > most_m {
             return None;
         }
-        *nodes.entry(scene.scene.mesh.triangle_node[hit.triangle as usize]).or_default() += 1;
+        *nodes.entry(scene.scene.mesh.triangle_node[met.triangle as usize]).or_default() += 1;
     }
     Some(nodes)
+}
+
+/// The wall that a ray meets; `None` if it meets nothing, or what lets light pass.
+fn wall(scene: &PreparedScene, nth: u32, ray: &Ray) -> Option<SurfaceHit> {
+    scene.closest(ray, &mut Sampler::new(0, u64::from(nth), 0)).filter(|hit| scene.is_wall(hit.triangle))
 }
 
 /// Directions evenly spread over the cone of a spot, and all around other lamps.
@@ -162,6 +173,26 @@ mod tests {
             let closed = can(0.0, kind);
             assert!(closed.len() == 1 && closed[0].contains("`lamp` is closed in by `can`"), "{kind:?}: {closed:?}");
             assert_eq!(can(0.2, kind), Vec::<String>::new(), "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn a_spot_whose_whole_cone_falls_on_something_close_by_is_not_closed_in() {
+        let camera = Camera::look_at("eye", Vec3::Z * 3.0, Vec3::ZERO, 1.0, 1.0);
+        let (hall, white) = (room(Vec3::new(5.0, 1.5, 4.0)), lambert(0.5, 0.0));
+        let table = quad(Vec3::new(-1.0, -0.75, -0.6), Vec3::Z * 1.2, Vec3::X * 2.0);
+        let floor = quad(Vec3::new(-20.0, -1.0, -20.0), Vec3::Z * 40.0, Vec3::X * 40.0);
+        for (surface, at, aim) in [
+            (&[&hall[..], &table[..]].concat(), Vec3::Y * 0.2, Vec3::NEG_Y),
+            (&hall, Vec3::new(-4.2, 0.5, -1.0), Vec3::NEG_X),
+            (&floor, Vec3::ZERO, Vec3::NEG_Y),
+        ] {
+            let stage = Stage::new(camera.clone()).surface("around", surface, white.clone()).lamp("lamp", at, 1.0);
+            let mut scene = stage.into_scene();
+            scene.punctual[0].kind = PunctualKind::Spot { inner_rad: 0.3, outer_rad: 0.45 };
+            scene.punctual[0].direction = aim;
+            let told = warnings(&PreparedScene::new(scene, &[]).expect("a lamp without panels").0);
+            assert_eq!(told, Vec::<String>::new(), "{at}");
         }
     }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use anyhow::{Context, Result, anyhow};
+use clerestory_transport::import::legible;
 use serde::de::{DeserializeOwned, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -118,15 +119,12 @@ pub(super) const PROFILES: &str = "EXT_lights_ies";
 pub(super) const OWN: &str = "clerestory";
 
 impl Document {
+    /// Of a text that is mended as when it was opened.
+    ///
     /// # Errors
     /// If it is no JSON object.
     pub fn parse(json: &[u8]) -> Result<Document> {
-        let mut json = json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json);
-        // What a chunk was filled up with.
-        while let [head @ .., 0 | b' '] = json {
-            json = head;
-        }
-        let root = serde_json::from_slice(json).context("its JSON is damaged")?;
+        let root = serde_json::from_str(&legible(json)).context("its JSON is damaged")?;
         Ok(Document { root, lists: BTreeMap::new() })
     }
 
@@ -221,5 +219,12 @@ mod tests {
             r#"{"z":[1.0,0.10000000149011612,-0,1e-5],"nodes":[{"b":{"x" : 2.50},"a":1e2},{"name":"\u00e9","extensions":{"new":1}}],"a":{},"extensionsUsed":["KHR_lights_punctual"],"extensions":{"KHR_lights_punctual":{"lights":[{"type":"point"}]}}}"#
         );
         assert!(Document::parse(b"[]").is_err() && Document::parse(b"{}\0 \0\0").is_ok());
+    }
+
+    #[test]
+    fn letters_that_are_no_utf_8_are_replaced_as_when_the_file_was_opened() {
+        // Latin 1.
+        let document = Document::parse(b"{\"name\":\"T\xFCr\"}").unwrap();
+        assert_eq!(String::from_utf8(document.into_json()).unwrap(), "{\"name\":\"T\u{FFFD}r\"}");
     }
 }

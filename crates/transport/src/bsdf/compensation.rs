@@ -18,7 +18,7 @@ use std::sync::{LazyLock, OnceLock};
 use glam::Vec3;
 
 use super::energy::{N_COS, N_ROUGHNESS, place};
-use super::fresnel;
+use super::fresnel::{self, Solid};
 use super::ggx::Ggx;
 
 /// Rounds of the alternation; the error falls by half or more with each.
@@ -32,11 +32,22 @@ const GREATEST_ETA: f32 = 1e4;
 static REFLECTING: LazyLock<[[f32; N_COS]; N_ROUGHNESS]> =
     LazyLock::new(|| std::array::from_fn(|row| balanced(&reflecting_kernel(alpha_of(row)))));
 
-/// Glass of one index and one roughness, by side (the rarer first): what its facets lose.
+/// Glass of one index and one roughness.
 #[derive(Clone, Debug)]
 struct Cell {
+    alpha: f32,
+    eta: f32,
+    /// With the reflectance of its index.
+    own: Lost,
+    /// With the other ones of [`Solid::BASES`], once they are asked for.
+    others: OnceLock<Box<[Lost; 2]>>,
+}
+
+/// What facets of glass lose, by side (the rarer first).
+#[derive(Clone, Debug)]
+struct Lost {
     /// By √cosθ.
-    lost: [[f32; N_COS]; 2],
+    by_cos: [[f32; N_COS]; 2],
     /// Mean over a cosine.
     mean: [f32; 2],
 }
@@ -60,6 +71,8 @@ pub(super) struct Repeated {
     /// By index and by roughness.
     cells: [[&'static Cell; 2]; 2],
     weights: [f32; 2],
+    /// What [`Solid::parts`] says, if that is not the reflectance of the index alone.
+    parts: Option<[f32; 3]>,
     /// Side of the viewer: 0 for the rarer.
     side: usize,
     /// Share that the facets lose of the viewer's direction.
@@ -125,19 +138,21 @@ impl Compensation {
 
 impl Repeated {
     /// For facets of width `alpha` seen under `cos`; `eta` is the index behind over the one in front.
-    pub(super) fn new(alpha: f32, cos: f32, eta: f32) -> Repeated {
+    pub(super) fn new(alpha: f32, cos: f32, eta: f32, solid: Solid) -> Repeated {
         let (side, eta) = if eta >= 1.0 { (0, eta) } else { (1, 1.0 / eta) };
         let (row, between) = row_of(alpha);
         let index = ((eta - 1.0) / (eta + 1.0)).sqrt() * (N_ETA - 1) as f32;
         let low = (index as usize).min(N_ETA - 2);
         let cells = [low, low + 1].map(|nth| [row as usize, row as usize + 1].map(|row| cell(nth, row)));
         let weights = [index - low as f32, between];
-        let mut made = Repeated { cells, weights, side, lost: 0.0, means: [0.0; 2], passed: 0.0 };
-        made.means = [0, 1].map(|side| made.mixed(|cell| cell.mean[side]).max(1e-9));
+        let [own, nothing, all] = solid.parts();
+        let parts = (own != 1.0 || nothing != 0.0).then_some([own, nothing, all]);
+        let mut made = Repeated { cells, weights, parts, side, lost: 0.0, means: [0.0; 2], passed: 0.0 };
+        made.means = [0, 1].map(|side| made.mixed(|lost| lost.mean[side]).max(1e-9));
         made.lost = made.lost_at(cos, side);
         // Mean transmittance from the rarer side [Kulla2017]; from the denser one it is η² times less. Both sides pass on the
         // same light, the lesser of what their own would be.
-        let from_rarer = 1.0 - (eta - 1.0) / (4.085_67 + 1.000_71 * eta);
+        let from_rarer = 1.0 - (own * ((eta - 1.0) / (4.085_67 + 1.000_71 * eta)) + all);
         let [near, far] = [made.means[side], made.means[1 - side]];
         made.passed = from_rarer * if side == 0 { 1.0 } else { 1.0 / (eta * eta) } * (far / near).min(1.0);
         made
@@ -166,13 +181,21 @@ impl Repeated {
 
     #[inline]
     fn lost_at(&self, cos: f32, side: usize) -> f32 {
-        self.mixed(|cell| at(&cell.lost[side], cos))
+        self.mixed(|lost| at(&lost.by_cos[side], cos))
     }
 
     #[inline]
-    fn mixed(&self, of: impl Fn(&Cell) -> f32) -> f32 {
+    fn mixed(&self, of: impl Fn(&Lost) -> f32) -> f32 {
+        let of_cell = |cell: &Cell| match self.parts {
+            None => of(&cell.own),
+            // What is lost is linear in what facets reflect.
+            Some([own, nothing, all]) => {
+                let [by_nothing, by_all] = cell.others();
+                (own * of(&cell.own) + nothing * of(by_nothing) + all * of(by_all)).max(0.0)
+            }
+        };
         let [first, second] = self.cells.map(|[low, high]| {
-            let (low, high) = (of(low), of(high));
+            let (low, high) = (of_cell(low), of_cell(high));
             low + (high - low) * self.weights[1]
         });
         first + (second - first) * self.weights[0]
@@ -207,14 +230,28 @@ fn cell(nth: usize, row: usize) -> &'static Cell {
     GLASS[nth][row].get_or_init(|| {
         let x = (nth as f32 / (N_ETA - 1) as f32).powi(2);
         let eta = ((1.0 + x) / (1.0 - x).max(1e-6)).min(GREATEST_ETA);
-        let lost = [eta, 1.0 / eta].map(|eta| {
+        let alpha = alpha_of(row);
+        Cell { alpha, eta, own: Lost::new(alpha, eta, Solid::BASES[0]), others: OnceLock::new() }
+    })
+}
+
+impl Cell {
+    fn others(&self) -> &[Lost; 2] {
+        let [_, nothing, all] = Solid::BASES;
+        self.others.get_or_init(|| Box::new([nothing, all].map(|solid| Lost::new(self.alpha, self.eta, solid))))
+    }
+}
+
+impl Lost {
+    fn new(alpha: f32, eta: f32, solid: Solid) -> Lost {
+        let by_cos = [eta, 1.0 / eta].map(|eta| {
             std::array::from_fn(|column| {
-                let kept: f32 = scattered(alpha_of(row), viewer(column), Some(eta)).map(|(share, _)| share).sum();
+                let kept: f32 = scattered(alpha, viewer(column), Some((eta, solid))).map(|(share, _)| share).sum();
                 (1.0 - kept).max(0.0)
             })
         });
-        Cell { mean: lost.map(|lost| mean_over_cosine(&lost)), lost }
-    })
+        Lost { mean: by_cos.map(|lost| mean_over_cosine(&lost)), by_cos }
+    }
 }
 
 /// Mean of a table by √cosθ over directions of a density cosθ/π.
@@ -255,8 +292,8 @@ fn viewer(column: usize) -> Vec3 {
 }
 
 /// Shares of light that facets send to a viewer in the plane of x and z, each with the cosine that it comes from: all
-/// reflect, or with an index behind over the one in front they refract the rest.
-fn scattered(alpha: f32, wo: Vec3, eta: Option<f32>) -> impl Iterator<Item = (f32, f32)> {
+/// reflect, or with an index behind over the one in front, and an interface, they refract the rest.
+fn scattered(alpha: f32, wo: Vec3, solid: Option<(f32, Solid)>) -> impl Iterator<Item = (f32, f32)> {
     let ggx = Ggx::round(alpha.max(1e-4));
     let lambda_o = ggx.lambda(wo);
     let unshadowed = move |wi: Vec3| (1.0 + lambda_o) / (1.0 + lambda_o + ggx.lambda(wi));
@@ -264,10 +301,10 @@ fn scattered(alpha: f32, wo: Vec3, eta: Option<f32>) -> impl Iterator<Item = (f3
     points([12, 64], 0.5).flat_map(move |(u, share)| {
         let wm = ggx.sample(wo, u);
         let cos_half = wo.dot(wm).max(0.0);
-        let reflected = eta.map_or(1.0, |eta| fresnel::dielectric(cos_half, eta));
+        let reflected = solid.map_or(1.0, |(eta, solid)| solid.reflectance(cos_half, eta).x);
         let near = wm * (2.0 * cos_half) - wo;
         let near = (near.z > 0.0).then(|| (share * reflected * unshadowed(near), near.z));
-        let far = eta.and_then(|eta| fresnel::refract(wo, wm, eta)).filter(|far| far.z < 0.0);
+        let far = solid.and_then(|(eta, _)| fresnel::refract(wo, wm, eta)).filter(|far| far.z < 0.0);
         let far = far.map(|far| (share * (1.0 - reflected) * unshadowed(far), -far.z));
         [near, far].into_iter().flatten()
     })

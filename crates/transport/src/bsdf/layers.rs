@@ -9,7 +9,7 @@ use glam::Vec3;
 use super::compensation::{Compensation, Repeated};
 use super::energy::Coat;
 use super::film::{Film, NoFilm, ThinFilm};
-use super::fresnel::{self, Schlick, grazing};
+use super::fresnel::{self, Schlick, Solid, grazing};
 use super::ggx::Ggx;
 use super::lanes::Layered;
 use super::matte::Coupling;
@@ -29,7 +29,7 @@ enum Behind {
     /// The same medium as in front.
     ThinWall,
     /// Another medium, with its index over the one in front.
-    Solid { eta: f32 },
+    Solid { eta: f32, solid: Solid },
 }
 
 /// Probabilities of choosing a lobe, adding up to 1 (or 0 where everything is absorbed).
@@ -102,7 +102,9 @@ impl<F: Film> Layers<F> {
         let is_wall = passing > 0.0 && !bends && !matched;
         let compensation = (follows && (params.metallic > 0.0 || is_wall))
             .then(|| Compensation::new(coat_alpha, wo.z, params.base_color));
-        let repeated = (follows && passing > 0.0 && bends).then(|| Repeated::new(coat_alpha, wo.z, pose.eta));
+        let solid = bends.then(|| Solid::new(params.ior, params.specular, params.specular_color));
+        let repeating = solid.filter(|_| follows && passing > 0.0);
+        let repeated = repeating.map(|solid| Repeated::new(coat_alpha, wo.z, pose.eta, solid));
         Layers {
             frame: pose.frame,
             wo,
@@ -112,7 +114,7 @@ impl<F: Film> Layers<F> {
             metal: params.metallic,
             opaque: (1.0 - params.metallic) * (1.0 - params.transmission),
             passing,
-            behind: if bends { Behind::Solid { eta: pose.eta } } else { Behind::ThinWall },
+            behind: solid.map_or(Behind::ThinWall, |solid| Behind::Solid { eta: pose.eta, solid }),
             ggx,
             lambda_o: ggx.lambda(wo),
             rough_coat,
@@ -207,8 +209,8 @@ impl<F: Film> Layers<F> {
         match (self.behind, self.film.film()) {
             _ if self.passing <= 0.0 => Vec3::ZERO,
             (Behind::ThinWall, _) => self.dielectric_reflectance(cos, grazing(cos)),
-            (Behind::Solid { eta }, None) => Vec3::splat(fresnel::dielectric(cos, eta)),
-            (Behind::Solid { eta }, Some(film)) => film.solid(cos, eta),
+            (Behind::Solid { eta, solid }, None) => solid.reflectance(cos, eta),
+            (Behind::Solid { eta, solid }, Some(film)) => film.solid(cos, eta, solid.reflectance(cos, eta)),
         }
     }
 
@@ -274,7 +276,7 @@ impl<F: Film> Layers<F> {
         } else if wi.z < 0.0 && cos_g < 0.0 && self.transmits_broadly() {
             match self.behind {
                 Behind::ThinWall => self.eval_thin(wi),
-                Behind::Solid { eta } => {
+                Behind::Solid { eta, .. } => {
                     let ((facets, facets_pdf), (more, more_pdf)) =
                         (self.eval_refraction(wi, eta), self.eval_repeated(wi));
                     (facets + more, facets_pdf + more_pdf)
@@ -410,7 +412,7 @@ impl<F: Film> Layers<F> {
         let weight = self.transmittance(self.wo.z) / choice.clear;
         match self.behind {
             Behind::ThinWall => Some((-self.wo, Some(weight))),
-            Behind::Solid { eta } => Some((fresnel::refract(self.wo, Vec3::Z, eta)?, Some(weight / (eta * eta)))),
+            Behind::Solid { eta, .. } => Some((fresnel::refract(self.wo, Vec3::Z, eta)?, Some(weight / (eta * eta)))),
         }
     }
 
@@ -420,7 +422,7 @@ impl<F: Film> Layers<F> {
         let mirror = (self.choice.mirror > 0.0).then(|| (Vec3::new(-wo.x, -wo.y, wo.z), self.reflectance(wo.z)));
         let clear = || match self.behind {
             Behind::ThinWall => Some((-wo, self.transmittance(wo.z))),
-            Behind::Solid { eta } => {
+            Behind::Solid { eta, .. } => {
                 Some((fresnel::refract(wo, Vec3::Z, eta)?, self.transmittance(wo.z) / (eta * eta)))
             }
         };
@@ -435,7 +437,7 @@ impl<F: Film> Layers<F> {
         }
         let reflects = u_side < self.reflect_probability(cos_half);
         match self.behind {
-            Behind::Solid { eta } if !reflects => fresnel::refract(self.wo, wm, eta).filter(|wi| wi.z < 0.0),
+            Behind::Solid { eta, .. } if !reflects => fresnel::refract(self.wo, wm, eta).filter(|wi| wi.z < 0.0),
             _ => {
                 let mirrored = wm * (2.0 * cos_half) - self.wo;
                 let side = if reflects { 1.0 } else { -1.0 };

@@ -5,8 +5,8 @@
 //! what they scatter more than once (see `compensation`). A dielectric is a GGX coat over a diffuse base that sees
 //! `1 − F(V·H)` of the light (and no more than energy allows, see `energy`). Transmission takes a share of the diffuse
 //! base and lets it pass instead: straight through a thin wall, bent by a solid. The coat of a thin wall is Schlick's as
-//! in the opaque case; a solid has the exact reflectance of its index, so that total reflection is right, and ignores
-//! specular strength and color. Without coat, metal and transmission the model is exactly Lambert's.
+//! in the opaque case; a solid has the exact reflectance of its index, so that total reflection is right, scaled by specular
+//! strength and color below it. Without coat, metal and transmission the model is exactly Lambert's.
 //!
 //! Stretched highlights are the same layers in a turned frame. Clear coat, sheen, thin films and diffuse transmission live
 //! in a `Stack` around them, which only surfaces that have one of these pay for.
@@ -388,7 +388,8 @@ impl Bsdf {
     pub(crate) fn refracted(params: &SurfaceParams, ng: Vec3, ns: Vec3, wo: Vec3) -> Vec3 {
         let Facing { ns, eta, .. } = Facing::new(params, ng, ns, wo);
         let passing = (1.0 - params.metallic) * params.transmission;
-        let reflected = fresnel::dielectric(wo.dot(turned_to_viewer(ns, wo)), eta);
+        let solid = fresnel::Solid::new(params.ior, params.specular, params.specular_color);
+        let reflected = solid.reflectance(wo.dot(turned_to_viewer(ns, wo)), eta).max_element();
         params.base_color * (passing * (1.0 - reflected)) / (eta * eta)
     }
 

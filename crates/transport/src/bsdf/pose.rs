@@ -24,7 +24,7 @@ impl Facing {
 }
 
 /// An index of 0 means "reflects everything" in KHR_materials_ior; this one comes close and can be divided by.
-const MIN_IOR: f32 = 1e-3;
+pub(super) const MIN_IOR: f32 = 1e-3;
 
 /// Least cosine between viewer and shading normal: a viewer below the shading horizon would see no microfacet.
 const MIN_VIEW_COS: f32 = 0.01;

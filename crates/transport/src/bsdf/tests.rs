@@ -306,6 +306,29 @@ fn clear_glass_and_clear_walls_keep_every_photon() {
 }
 
 #[test]
+fn clear_glass_reflects_what_its_specular_factor_and_color_say() {
+    for specular in [0.0, 0.5, 1.0] {
+        let params = SurfaceParams { specular, specular_color: Vec3::new(2.0, 1.0, 0.5), ..glass(0.0) };
+        for wo in viewers() {
+            let bsdf = Bsdf::new(&params, Vec3::Z, Vec3::Z, wo);
+            let of_side = |transmitted: bool| {
+                let lobes = bsdf.deltas().filter(|lobe| lobe.transmitted == transmitted);
+                lobes.map(|lobe| lobe.share).sum::<Vec3>()
+            };
+            let [reflected, passed] = [of_side(false), of_side(true)];
+            let whole = reflected.x + passed.x * squeeze(&params, wo);
+            assert!((whole - 1.0).abs() < 1e-4, "{specular} from {wo}: {whole}");
+            let exact = fresnel::dielectric(wo.z.abs(), if wo.z > 0.0 { 1.5 } else { 1.0 / 1.5 });
+            let expected = if exact < 1.0 { specular * exact } else { 1.0 };
+            assert!((reflected.y - expected).abs() < 1e-4, "{specular} from {wo}: {reflected}, not {expected}");
+            // Lamps behind slabs are lit by the same.
+            let refracted = Bsdf::refracted(&params, Vec3::Z, Vec3::Z, wo);
+            assert!((refracted - passed).abs().max_element() < 1e-4, "{specular} from {wo}: {refracted}, not {passed}");
+        }
+    }
+}
+
+#[test]
 fn clear_glass_bends_by_snells_law_and_reflects_totally_inside() {
     let wo = towards(0.7, 0.2);
     let through = |bsdf: &Bsdf| bsdf.sample(0.9999, [0.5, 0.5]).expect("glass absorbs nothing");

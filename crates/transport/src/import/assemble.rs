@@ -273,11 +273,20 @@ fn transforms(reader: &Reader, node: &Node, placed: &PlacedNode, name: &str, not
         notes.unsupported(format!("{name}: its instances have colors of their own, which are ignored"));
     }
     match hierarchy::instances(reader, instancing) {
-        Ok(instances) => instances
-            .into_iter()
-            .map(|node_from_instance| placed.world_from_node * node_from_instance)
-            .filter(|world_from_instance| world_from_instance.as_mat4().is_finite())
-            .collect(),
+        Ok(instances) => {
+            if let Some(most) = hierarchy::n_instances_of_longest(reader, instancing) {
+                let n_instances = instances.len();
+                notes.warn(format!(
+                    "{name}: translations, rotations and scales of its instances are not as many, up to {most}: the first \
+                     {n_instances} are shown"
+                ));
+            }
+            instances
+                .into_iter()
+                .map(|node_from_instance| placed.world_from_node * node_from_instance)
+                .filter(|world_from_instance| world_from_instance.as_mat4().is_finite())
+                .collect()
+        }
         Err(reason) => {
             notes.warn(format!("{name}: {reason}: its instances are left out"));
             vec![placed.world_from_node]

@@ -65,7 +65,7 @@ const DEMANDED: &[(&[&str], &str, &str)] = &[
 const LAMPS: &str = "KHR_lights_punctual";
 
 /// The text of a document without a mark before it and padding behind it; letters that cannot be read are replaced.
-pub(super) fn legible(text: &[u8]) -> Cow<'_, str> {
+pub fn legible(text: &[u8]) -> Cow<'_, str> {
     let mut text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
     while let [head @ .., 0 | b' '] = text {
         text = head;

@@ -342,7 +342,8 @@ fn assemble(job: &Job, vertices: Vertices, triangles: Vec<[u32; 3]>, built: &mut
         ..Mesh::default()
     };
     if mirrored {
-        mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        // Sensor grids and panels go along the first edge, which stays the one of the file.
+        mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(0, 1));
     }
     let n_before = mesh.triangles.len();
     let visible = mesh.triangles.iter().copied().filter(|&triangle| has_area(&mesh.positions, triangle)).collect();

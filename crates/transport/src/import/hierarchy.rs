@@ -162,11 +162,22 @@ fn trs(translation: Option<[f32; 3]>, rotation: Option<[f32; 4]>, scale: Option<
     )
 }
 
+/// How many values each of the accessors of EXT_mesh_gpu_instancing says that it has.
+fn counts(reader: &Reader, instancing: &Value) -> impl Iterator<Item = u64> {
+    let attributes = instancing.get("attributes");
+    let index = move |name: &str| attributes?.get(name)?.as_u64();
+    let accessors = ["TRANSLATION", "ROTATION", "SCALE"].into_iter().filter_map(index);
+    accessors.map(move |index| usize::try_from(index).map_or(0, |index| reader.n_elements(index)))
+}
+
 /// Most instances that EXT_mesh_gpu_instancing can ask for; 1 where nothing says where they stand.
 pub(super) fn n_instances(reader: &Reader, instancing: &Value) -> u64 {
-    let attributes = instancing.get("attributes");
-    let accessors = ["TRANSLATION", "ROTATION", "SCALE"].into_iter().filter_map(|name| attributes?.get(name)?.as_u64());
-    accessors.map(|index| usize::try_from(index).map_or(0, |index| reader.n_elements(index))).min().unwrap_or(1)
+    counts(reader, instancing).min().unwrap_or(1)
+}
+
+/// What its longest accessor has, where others have less.
+pub(super) fn n_instances_of_longest(reader: &Reader, instancing: &Value) -> Option<u64> {
+    counts(reader, instancing).max().filter(|most| *most > n_instances(reader, instancing))
 }
 
 /// Transforms of EXT_mesh_gpu_instancing within the node, or the reason why they cannot be read. Where nothing says where they stand

@@ -64,6 +64,7 @@ use sensors::Sensors;
 use uri::{Locator, uris};
 use variants::Variant;
 
+pub use document::legible;
 pub use environment::{decode_sky, load_sky};
 pub use openexr::{ExrPicture, read_exr};
 pub use profiles::{SUBSTITUTE_CD, read_profile};
@@ -252,7 +253,7 @@ pub fn named_files(path: &Path) -> Vec<PathBuf> {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
     let Ok(container) = container::split(&name, &bytes) else { return Vec::new() };
     let folder = path.parent().unwrap_or(Path::new(""));
-    uris(&document::legible(&container.json)).iter().filter_map(|uri| Some(named_file(folder, uri)?.0)).collect()
+    uris(&legible(&container.json)).iter().filter_map(|uri| Some(named_file(folder, uri)?.0)).collect()
 }
 
 /// Loads a GLB, or a JSON glTF with data URIs, from memory.

@@ -13,7 +13,7 @@ use serde_json::Value;
 use super::container::Buffers;
 use super::files::read_at_most;
 use super::report::Notes;
-use super::uri::Locator;
+use super::uri::{Locator, data};
 use crate::photometry::PhotometricProfile;
 use crate::scene::{PunctualKind, PunctualLight};
 
@@ -127,7 +127,7 @@ impl<'a> Profiles<'a> {
         // Data without a file has a name here: that tells EULUMDAT by its end, and is what people know the profile by.
         let name = entry.get("name").and_then(Value::as_str).filter(|name| !name.is_empty()).unwrap_or("its data");
         match (uri, view) {
-            (Some(uri), _) if uri.starts_with("data:") => parse(&self.locator.fetch(uri)?, name),
+            (Some(uri), _) if data(uri).is_some() => parse(&self.locator.fetch(uri)?, name),
             (Some(uri), _) => parse(&self.locator.fetch(uri)?, uri),
             (None, Some(view)) => parse(self.buffers.view(view)?.0, name),
             (None, None) => Err("it names no bytes".to_owned()),

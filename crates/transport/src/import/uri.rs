@@ -15,6 +15,8 @@ use crate::stop::Stop;
 
 /// Most bytes of all files beside a glTF together; one that is named twice counts twice.
 const MAX_BYTES: u64 = 8 << 30;
+/// Most letters of a name that a message has.
+const MOST_SHOWN: usize = 120;
 
 /// Finds what a `uri` of the file names.
 pub(super) struct Locator {
@@ -48,19 +50,20 @@ impl Locator {
 
     /// Bytes behind a URI, or a reason in words.
     pub fn fetch(&self, uri: &str) -> Result<Vec<u8>, String> {
-        if let Some(rest) = uri.strip_prefix("data:") {
+        if let Some(rest) = data(uri) {
             return decode_data_uri(rest);
         }
         let decoded = String::from_utf8(percent_decode(uri))
-            .map_err(|_| format!("the file name {uri:?} is not readable text"))?;
-        let elsewhere = || format!("{decoded:?} does not lie beside the glTF file");
+            .map_err(|_| format!("the file name {} is not readable text", shown(uri)))?;
+        let elsewhere = || format!("{} does not lie beside the glTF file", shown(&decoded));
         if has_scheme(uri) || !is_below(&decoded) || !is_below(uri) {
             return Err(elsewhere());
         }
-        let folder = self.folder.as_ref().ok_or_else(|| format!("there is no folder to look for {decoded:?} in"))?;
+        let folder =
+            self.folder.as_ref().ok_or_else(|| format!("there is no folder to look for {} in", shown(&decoded)))?;
         let in_words = |error: std::io::Error| match error.kind() {
-            std::io::ErrorKind::NotFound => format!("the file {decoded:?} is missing"),
-            _ => format!("the file {decoded:?} cannot be read ({error})"),
+            std::io::ErrorKind::NotFound => format!("the file {} is missing", shown(&decoded)),
+            _ => format!("the file {} cannot be read ({error})", shown(&decoded)),
         };
         let found = found_in(folder, &decoded, uri);
         if found.is_err() {
@@ -104,7 +107,7 @@ pub(super) fn uris(json: &str) -> Vec<String> {
         match value {
             Value::Array(items) => items.into_iter().for_each(|item| collect(item, found)),
             Value::Object(members) => members.into_iter().for_each(|(key, value)| match value {
-                Value::String(uri) if key == "uri" && !uri.starts_with("data:") => found.push(uri),
+                Value::String(uri) if key == "uri" && data(&uri).is_none() => found.push(uri),
                 other => collect(other, found),
             }),
             _ => {}
@@ -139,6 +142,19 @@ fn in_any_case(folder: &Path, name: &str) -> Option<PathBuf> {
     at.canonicalize().ok()
 }
 
+/// What follows the scheme of a URI that holds data itself; schemes are of any case.
+pub(super) fn data(uri: &str) -> Option<&str> {
+    uri.split_once(':').filter(|(scheme, _)| scheme.eq_ignore_ascii_case("data")).map(|(_, rest)| rest)
+}
+
+/// A name in quotes as messages have it: of a long one the beginning.
+fn shown(name: &str) -> String {
+    match name.char_indices().nth(MOST_SHOWN) {
+        Some((end, _)) => format!("{:?}…", &name[..end]),
+        None => format!("{name:?}"),
+    }
+}
+
 /// Whether a URI says by what means it is to be had; a drive of Windows looks alike.
 fn has_scheme(uri: &str) -> bool {
     let is_part = |c: char| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.');
@@ -147,8 +163,9 @@ fn has_scheme(uri: &str) -> bool {
 
 /// Whether a name, read as one of this system or of another, stays below the folder that it is looked for in.
 fn is_below(name: &str) -> bool {
-    // Where the system allows it a colon is part of a name, but for that of a drive.
-    let on_a_drive = name.find(':') == Some(1) || (cfg!(windows) && name.contains(':'));
+    // Where the system allows it a colon is part of a name, but for that of a drive with a path behind it.
+    let has_drive = name.find(':') == Some(1) && matches!(name.as_bytes().get(2), None | Some(b'/' | b'\\'));
+    let on_a_drive = has_drive || (cfg!(windows) && name.contains(':'));
     let climbs = name.split(['/', '\\']).any(|step| step == "..");
     let plain = |component| matches!(component, Component::Normal(_) | Component::CurDir);
     !on_a_drive && !name.starts_with('\\') && !climbs && Path::new(name).components().all(plain)
@@ -157,7 +174,7 @@ fn is_below(name: &str) -> bool {
 /// `[media type][;base64],payload`, after `data:`.
 fn decode_data_uri(rest: &str) -> Result<Vec<u8>, String> {
     let (head, payload) = rest.split_once(',').ok_or("its data URI has no comma")?;
-    match head.ends_with(";base64") {
+    match head.rsplit_once(';').is_some_and(|(_, last)| last.eq_ignore_ascii_case("base64")) {
         true => decode_base64(payload).ok_or_else(|| "its data URI is not valid base64".to_owned()),
         false => Ok(percent_decode(payload)),
     }
@@ -237,6 +254,19 @@ mod tests {
     }
 
     #[test]
+    fn data_is_known_in_any_case_and_long_names_are_cut_in_messages() {
+        let locator = Locator::new(None, &Stop::default());
+        for uri in ["data:;base64,Zm9v", "DATA:application/octet-stream;BASE64,Zm9v", "Data:,foo"] {
+            assert_eq!(locator.fetch(uri).unwrap(), b"foo", "{uri}");
+            assert_eq!(uris(&serde_json::json!({"uri": uri}).to_string()), Vec::<String>::new());
+        }
+        for start in ["more:", "", "%ff"] {
+            let told = locator.fetch(&format!("{start}{}", "ä".repeat(1 << 16))).unwrap_err();
+            assert!(told.chars().count() < 250, "{told}");
+        }
+    }
+
+    #[test]
     fn every_uri_but_data_is_listed_wherever_it_stands() {
         let json = r#"{"uri": 3, "buffers": [{"uri": "a.bin"}, {"uri": "data:,x"}, {}], "images": [{"uri": "t/b.png"}],
             "extensions": {"EXT_lights_ies": {"lights": [{"uri": "c.ies", "name": "uri"}]}}}"#;
@@ -301,6 +331,9 @@ mod tests {
         #[cfg(unix)]
         {
             std::fs::write(outside.path().join("secret"), "s").unwrap();
+            std::fs::write(folder.path().join("a:b.bin"), "d").unwrap();
+            assert_eq!(locator.fetch("a%3Ab.bin").unwrap(), b"d");
+            assert!(named_file(folder.path(), "a%3Ab.bin").is_some() && locator.fetch("a:b.bin").is_err());
             std::os::unix::fs::symlink(outside.path(), folder.path().join("out")).unwrap();
             std::os::unix::fs::symlink(folder.path().join("a b.bin"), folder.path().join("in")).unwrap();
             assert!(locator.fetch("out/secret").unwrap_err().contains("beside"));

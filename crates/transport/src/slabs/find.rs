@@ -122,7 +122,13 @@ fn material_of<'a>(scene: &'a Scene, body: &[u32]) -> &'a Material {
 /// What a body is made of, where that is the same everywhere.
 fn looks(scene: &Scene, body: &[u32]) -> Option<SurfaceParams> {
     let (mesh, material) = (&scene.mesh, material_of(scene, body));
-    let textures = [material.base_color_texture, material.metallic_roughness_texture, material.transmission_texture];
+    let textures = [
+        material.base_color_texture,
+        material.metallic_roughness_texture,
+        material.transmission_texture,
+        material.specular_texture,
+        material.specular_color_texture,
+    ];
     let mut vertices = body.iter().flat_map(|&triangle| mesh.triangles[triangle as usize]);
     let is_colored = !mesh.colors.is_empty() && vertices.any(|vertex| mesh.colors[vertex as usize] != Vec4::ONE);
     let is_even = !is_colored && textures.iter().all(Option::is_none);

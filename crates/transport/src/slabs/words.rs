@@ -71,13 +71,14 @@ impl Slab {
         ]
     }
 
-    /// What both faces let pass but for what they reflect, and extinction, 1/m; `None` where that is not the same everywhere, and far
-    /// from the origin, where rounding has a say.
+    /// What both faces let pass but for what they reflect, and extinction, 1/m; `None` where that is not the same everywhere, where they
+    /// reflect otherwise than their index has it, and far from the origin, where rounding has a say.
     fn known(&self, scene: &PreparedScene) -> Option<(Vec3, Vec3)> {
         let (looks, front) = (self.looks?, self.facets[1].first()?);
+        let is_plain = looks.specular == 1.0 && looks.specular_color == Vec3::ONE;
         let is_far = self.bounds.lo.abs().max(self.bounds.hi.abs()).max_element() > scene.extent();
         let of_a_face = looks.base_color * ((1.0 - looks.metallic) * looks.transmission);
-        (!is_far).then(|| (of_a_face * of_a_face, scene.extinction_behind(front.triangle, false)))
+        (is_plain && !is_far).then(|| (of_a_face * of_a_face, scene.extinction_behind(front.triangle, false)))
     }
 }
 
@@ -94,6 +95,7 @@ mod tests {
     use crate::camera::Camera;
     use crate::laws::slabs::{block, glass};
     use crate::laws::stage::{Stage, lambert, quad};
+    use crate::scene::Material;
     use crate::slabs::Bounds;
 
     /// Upright panes in a grid of so many by three, and a floor.
@@ -155,6 +157,18 @@ mod tests {
             // Some ways meet panes, and few meet those of all leaves.
             assert!(n_visited > n_ways / 4, "{n_visited} on {n_ways} ways");
             assert!(n_across < 7 || n_visited < n_ways * slabs.len() / 2, "{n_visited} on {n_ways} ways");
+        }
+    }
+
+    #[test]
+    fn glass_that_reflects_otherwise_than_its_index_has_it_is_left_to_the_cpu() {
+        for (specular, is_known) in [(1.0, true), (0.5, false)] {
+            let camera = Camera::look_at("eye", Vec3::new(0.0, 0.4, 0.6), Vec3::ZERO, 1.0, 1.0);
+            let floor = quad(Vec3::new(-1.0, -1.0, -1.0), Vec3::Z * 8.0, Vec3::X * 8.0);
+            let pane = block(Vec3::ZERO, Vec3::new(0.4, 0.5, 0.01), Quat::IDENTITY);
+            let stage = Stage::new(camera).surface("floor", &floor, lambert(0.5, 0.0));
+            let scene = stage.surface("pane", &pane, Material { specular, ..glass() }).prepared();
+            assert_eq!(scene.slabs.slabs[0].known(&scene).is_some(), is_known, "{specular}");
         }
     }
 

@@ -56,7 +56,9 @@ impl<F: Film> Layers<F> {
 
     /// What the facets of a rough solid scatter repeatedly, of light from either side.
     pub(super) fn eval_repeated(&self, wi: Vec3) -> (Vec3, f32) {
-        let (Some(repeated), Behind::Solid { eta }) = (&self.repeated, self.behind) else { return (Vec3::ZERO, 0.0) };
+        let (Some(repeated), Behind::Solid { eta, .. }) = (&self.repeated, self.behind) else {
+            return (Vec3::ZERO, 0.0);
+        };
         let pdf = self.choice.repeated * wi.z.abs() * FRAC_1_PI;
         let near = self.repeated_near_probability();
         if wi.z > 0.0 {

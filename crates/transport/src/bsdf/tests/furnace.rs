@@ -55,6 +55,22 @@ fn rough_clear_glass_reflects_and_refracts_all_light_from_both_sides() {
 }
 
 #[test]
+fn rough_glass_of_any_specular_factor_and_color_keeps_light() {
+    for (specular, specular_color) in
+        [(0.0, Vec3::ONE), (0.5, Vec3::new(1.0, 0.5, 0.1)), (1.0, Vec3::new(6.0, 3.0, 0.0)), (1.0, Vec3::splat(0.2))]
+    {
+        for roughness in [0.25, 0.65, 1.0] {
+            let params = SurfaceParams { specular, specular_color, ..glass(roughness) };
+            for cos in [1.0f32, 0.6, 0.2, -0.2, -0.6, -1.0] {
+                let wo = towards(cos.acos(), 0.3);
+                let (mean, error) = energy(&Bsdf::new(&params, Vec3::Z, Vec3::Z, wo), squeeze(&params, wo), 1 << 12);
+                assert!((mean - 1.0).abs() < 0.02 + 3.0 * error, "{params:?} at {cos}: {mean} ± {error}");
+            }
+        }
+    }
+}
+
+#[test]
 fn light_followed_to_one_facet_is_lost_as_much_as_is_known() {
     // Mean over all angles of what rough white metal loses at α = 1, by an independent integral over both directions.
     let n = 64;

@@ -3,6 +3,7 @@ use serde_json::json;
 
 use super::fixture::Fixture;
 use crate::scene::Mesh;
+use crate::sensors::SensorGrid;
 
 /// Unit geometric normals, one per triangle.
 fn geometric_normals(mesh: &Mesh) -> Vec<Vec3> {
@@ -65,6 +66,21 @@ fn a_mirrored_node_keeps_its_front() {
     assert_eq!(geometric_normals(&scene.mesh), vec![Vec3::Z]);
     assert_eq!(scene.mesh.normals[0], Vec3::Z);
     assert!(scene.mesh.positions.contains(&Vec3::NEG_X));
+}
+
+#[test]
+fn a_mirrored_quad_keeps_its_first_edge() {
+    for indices in [[0, 1, 2, 0, 2, 3], [0, 1, 3, 3, 1, 2]] {
+        for scale in [[1, 1, 1], [-1, 1, 1], [1, -1, 1]] {
+            let mut fixture = Fixture::mesh(&[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]]);
+            let corners = fixture.accessor("SCALAR", 5121, 6, &indices);
+            fixture.primitive()["indices"] = json!(corners);
+            let mesh = fixture.node(json!({"scale": scale})).load().scene.mesh;
+            let grid = SensorGrid::on_quad("desk", &[mesh.corners(0), mesh.corners(1)], [3, 1]).unwrap();
+            let edges = [grid.u_edge, grid.v_edge].map(Vec3::length);
+            assert_eq!((edges, grid.normal), ([2.0, 1.0], Vec3::Z), "{indices:?} {scale:?}");
+        }
+    }
 }
 
 #[test]

@@ -318,6 +318,18 @@ fn instances_without_a_place_of_their_own_are_seen_as_one() {
     assert!(colored.report.unsupported[0].contains("colors of their own"), "{:?}", colored.report.unsupported);
 }
 
+#[test]
+fn instances_whose_transforms_are_not_as_many_are_told() {
+    let places: (_, _, &[f32]) = ("TRANSLATION", "VEC3", &[0.0; 9]);
+    for (scales, told) in [(&[1.0; 9][..], 0), (&[1.0; 6][..], 1)] {
+        let imported = instanced(Fixture::triangle(), &[places, ("SCALE", "VEC3", scales)]).load();
+        assert_eq!(imported.scene.mesh.triangles.len(), scales.len() / 3);
+        let warnings = &imported.report.warnings;
+        let tells = |line: &&String| line.starts_with("node \"many\": ") && line.contains("up to 3: the first 2");
+        assert_eq!(warnings.iter().filter(tells).count(), told, "{warnings:?}");
+    }
+}
+
 /// Corners of the twelve triangles of a box, seen from outside.
 fn box_corners(size: Vec3) -> Vec<[f32; 3]> {
     const FACES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
