@@ -3,6 +3,7 @@
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
+use clerestory_transport::archive;
 use clerestory_transport::camera::Camera;
 use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::lamps::LampShape;
@@ -384,9 +385,9 @@ pub fn is_look(path: &Path) -> bool {
     ends_in(path, &["look"])
 }
 
-/// Whether a file is a bake.
+/// Whether a file is a bake, by its ending, else by its first bytes.
 pub fn is_transport(path: &Path) -> bool {
-    ends_in(path, &["transport"])
+    ends_in(path, &["transport"]) || archive::is_transport(path)
 }
 
 fn ends_in(path: &Path, endings: &[&str]) -> bool {

@@ -14,6 +14,11 @@ pub fn in_words(error: &Error) -> String {
     sentences.join(": ")
 }
 
+/// Text without the byte order mark that some editors write before it.
+pub fn unmarked(text: &str) -> &str {
+    text.strip_prefix('\u{feff}').unwrap_or(text)
+}
+
 /// That a share of a lamp's light meets mirrors and clear glass, which throw it on unseen; `key` is the lamp's.
 fn caustics_words(key: &str, share: f32) -> String {
     format!(

@@ -763,6 +763,17 @@ fn what_is_solved_takes_the_place_of_no_file_that_its_look_names() {
 }
 
 #[test]
+fn a_transport_is_told_by_its_first_bytes_whatever_it_is_called() {
+    let folder = desk();
+    succeeds(folder.path(), "bake room.gltf --size 8x6 --spp 1 -o room.t");
+    std::fs::copy(folder.path().join("room.t"), folder.path().join("room.transport")).unwrap();
+    let [told, usual] = ["room.t", "room.transport"]
+        .map(|file| answer(folder.path(), &format!("schedule {file} -o {file}.csv"))["luminaires"].clone());
+    assert!(!told.as_array().unwrap().is_empty());
+    assert_eq!(told, usual);
+}
+
+#[test]
 fn a_schedule_counts_what_shines_and_measures_the_floor() {
     let folder = desk();
     let told = answer(folder.path(), "schedule room.gltf --efficacy 50 -o lamps.csv");

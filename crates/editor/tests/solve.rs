@@ -76,6 +76,8 @@ fn a_marked_rectangle_is_measured_in_lux_and_follows_the_lights() {
     assert!(figures.points > 100 && figures.average > 0.1 && figures.minimum <= figures.average, "{figures:?}");
     assert!(figures.maximum >= figures.average && figures.area_m2.is_some_and(|area| area > 0.0 && area < 24.0));
     assert_eq!(window.query_all_by_label_contains(" fc").count(), 3, "average, minimum and maximum");
+    let told = window.state().session().shown.as_ref().unwrap().bake().irradiance_figures()[0].error_db.total;
+    window.get_by_label(&format!("Illuminance: {told:.1} dB"));
     // A light that goes out takes its lux along.
     click(&mut window, "Mute lamp");
     wait(&mut window, |app| {

@@ -18,7 +18,7 @@ mod tests;
 mod under_way;
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Read, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -339,6 +339,13 @@ pub fn read(path: &Path) -> Result<Bake, ArchiveError> {
 /// See [`ArchiveError`].
 pub fn read_within(memory_bytes: Option<u64>, path: &Path) -> Result<Bake, ArchiveError> {
     decode_within(memory_bytes, &fs::read(path).map_err(at("cannot read", path))?, path)
+}
+
+/// Whether a file begins as `.transport` files do, whatever it is called. Of a pipe nothing is read.
+pub fn is_transport(path: &Path) -> bool {
+    let mut start = [0; MAGIC.len()];
+    let is_read = path.is_file() && File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok();
+    is_read && start == *MAGIC
 }
 
 /// Reads a finished bake from memory; `path` is for people.

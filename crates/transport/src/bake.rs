@@ -485,7 +485,8 @@ pub enum BakeEvent {
         /// Blocks of the partition, with one factor per group of columns, those of patches aside.
         blocks: Vec<(usize, Vec<Arc<BlockFactors>>)>,
     },
-    /// A preview of irradiance that was told of has less noise now: these blocks take the place of its own.
+    /// Irradiance of pixels that was told of, as a preview or as it stays, has less noise now: these blocks take the place of its
+    /// own.
     IrradianceDenoised {
         /// Which matrix, in the order of the header.
         set: usize,

@@ -3,6 +3,7 @@
 //! A grid is laid on a rectangle of the scene, or level over its plan as a work plane. Points lie in the middle of the cells
 //! of the grid, as \[EN12464\] asks, and look to the front of the plane.
 
+mod inside;
 mod plan;
 
 use glam::Vec3;

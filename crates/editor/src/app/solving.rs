@@ -28,7 +28,7 @@ use crate::panels::solve::{SolveState, SolveView, solve_ui};
 use crate::schedule::Schedule;
 use crate::session::aside::Aside;
 use crate::session::lamps::{LampLight, LampPart};
-use crate::session::{Session, Shown, Wake};
+use crate::session::{BakeState, Session, Shown, Wake};
 use crate::solve::kept::{Here, Pictures};
 use crate::solve::{AtPixel, LampColumn, Scene, Solution, TargetPicture, at_point, may_change, solve};
 use crate::viewport::marking::Join;
@@ -55,6 +55,8 @@ pub(super) struct Solving {
     /// Figures of what is marked and of the grids, and what they are of.
     measured: Option<(Measured, Figures)>,
     measuring: Aside<(Measured, Result<Figures, String>)>,
+    /// How often blocks had been counted when the error of the illuminance was, and that, dB.
+    lux_error: (u64, Option<f32>),
     problem: Option<String>,
     picked: Option<Picked>,
     /// Whether somebody asked for a solution, and the light of a free lamp is still on its way.
@@ -136,6 +138,7 @@ impl Solving {
             looking: Aside::default(),
             measured: None,
             measuring: Aside::default(),
+            lux_error: (0, None),
             problem: None,
             picked: None,
             is_due: false,
@@ -516,8 +519,22 @@ impl App {
         }
     }
 
+    /// Error of the illuminance that is shown, dB; none while a bake is not done, as nothing tells what shared light adds to it.
+    fn lux_error_db(&mut self) -> Option<f32> {
+        if self.session.bake != BakeState::Done {
+            return None;
+        }
+        let n_counts = self.session.n_counts();
+        if self.solving.lux_error.0 != n_counts {
+            let error_db = self.session.shown.as_ref().and_then(Shown::lux_error_db);
+            self.solving.lux_error = (n_counts, error_db);
+        }
+        self.solving.lux_error.1
+    }
+
     /// The sections of the right panel.
     pub(super) fn solving_ui(&mut self, ui: &mut Ui) {
+        let lux_error_db = self.lux_error_db();
         let shown = self.session.shown.as_ref();
         let has_illuminance = shown.is_some_and(|shown| shown.pixel_irradiance().is_some());
         let lux_bake = self.lux_bake();
@@ -532,6 +549,7 @@ impl App {
             marked: figures.marked.filter(|_| self.view.marking.marks().is_some()),
             grids: &figures.grids,
             has_illuminance,
+            lux_error_db,
             lux_bake,
             counts_direct_only: shines && !shown.is_some_and(Shown::holds_lamp_lux),
             surface: surface.as_deref(),

@@ -23,11 +23,9 @@ use super::bake::{figure_words, irradiance_words, merge, open_stack};
 use super::console::{Answer, Console};
 use super::relight::frame_of;
 use super::view::{fault_words, import_scene, load_bake, unsupported_words};
+use crate::action::is_transport;
 use crate::look::Look;
 use crate::sizes::bytes_words;
-
-/// First bytes of a transport file.
-const TRANSPORT_MAGIC: &[u8] = b"CLERTRAN";
 
 /// First bytes of pictures: OpenEXR, PNG, JPEG, Radiance.
 const PICTURES: [&[u8]; 4] = [b"\x76\x2f\x31\x01", b"\x89PNG", b"\xff\xd8\xff", b"#?"];
@@ -86,7 +84,7 @@ fn file_kind(path: &Path) -> Result<FileKind> {
             bail!("{} is a picture; info takes a scene (.gltf, .glb), a .transport or a .look", path.display())
         }
         () if start.starts_with(b"glTF") || holds(b"\"asset\"") => Ok(FileKind::Scene),
-        () if start.starts_with(TRANSPORT_MAGIC) => Ok(FileKind::Transport),
+        () if is_transport(path) => Ok(FileKind::Transport),
         () if holds(b"\"clerestory\"") => Ok(FileKind::Look),
         () => bail!("{} is no scene (.gltf, .glb), no .transport and no .look", path.display()),
     }

@@ -10,6 +10,7 @@ use serde_json::{Map, Value};
 use super::marked::MOST_MARKED;
 use super::place::{self, Step};
 use super::{Display, LOOK_VERSION, Look, damage, repeated};
+use crate::words::unmarked;
 
 /// Multipliers of a lamp.
 pub(super) const INTENSITY: RangeInclusive<f64> = 0.0..=PanelSpot::MOST_INTENSITY as f64;
@@ -44,7 +45,7 @@ pub(super) struct Reader<'a> {
 
 /// Reads a look; see [`Look::from_json`] and [`Look::recover`].
 pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)> {
-    let json = json.strip_prefix('\u{feff}').unwrap_or(json);
+    let json = unmarked(json);
     let mut warnings = Vec::new();
     let recovered;
     let (text, value) = match serde_json::from_str::<Value>(json) {

@@ -22,6 +22,8 @@ pub struct MeasureView<'a> {
     pub grids: &'a [(String, LuxFigures)],
     /// Whether the light that arrives at the pixels was baked.
     pub has_illuminance: bool,
+    /// Its error, dB below the peaks of the lights in lux; none while a bake is not done.
+    pub lux_error_db: Option<f32>,
     /// How it can be had.
     pub lux_bake: LuxBake,
     /// Whether lamps that were added shine, of which these figures count no more than the direct light.
@@ -106,6 +108,9 @@ pub struct ScheduleState {
     pub floor_m2: f64,
 }
 
+const LUX_ERROR_HINT: &str = "Error of the illuminance at the pixels, below the peaks of the lights there: more is better. \
+                              The bar at the bottom tells that of the picture; more samples make both more exact";
+
 /// Draws it.
 pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions: &mut Vec<Action>) {
     let MeasureState { asks_for_floor, marking, schedule, work_plane } = state;
@@ -130,6 +135,9 @@ pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions:
             (None, true) => {
                 ui.spinner();
             }
+        }
+        if let Some(db) = view.lux_error_db {
+            ui.label(RichText::new(format!("Illuminance: {db:.1} dB")).weak()).on_hover_text(LUX_ERROR_HINT);
         }
         if view.is_compared && (view.marked.is_some() || !view.grids.is_empty()) {
             ui.label(RichText::new("Under the lights as they are now").weak())

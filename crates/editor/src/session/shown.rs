@@ -76,6 +76,12 @@ impl Shown {
         self.header.pixel_irradiance(self.irradiance.len())
     }
 
+    /// Error of the illuminance at the pixels, dB below the peaks of the lights there; none where there is no illuminance.
+    pub fn lux_error_db(&self) -> Option<f32> {
+        let figures = self.pixel_irradiance().map(|set| self.bake().irradiance_figures().swap_remove(set));
+        figures.map(|figures| figures.error_db.total)
+    }
+
     /// The bake, as far as it is there.
     pub fn bake(&self) -> Bake {
         Bake {

@@ -16,6 +16,7 @@ use serde::Deserialize;
 
 use super::{Exposure, Freedom, Place, Request, Target, TargetPicture, Wish};
 use crate::marks::{Kin, Marks, Seen};
+use crate::words::unmarked;
 
 /// Longest file of wishes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -88,7 +89,7 @@ fn text_of(path: &Path) -> Result<String> {
 }
 
 fn file_of(text: &str) -> Result<File> {
-    serde_json::from_str(text).context("it is no file of wishes; see the example in docs/cli.md")
+    serde_json::from_str(unmarked(text)).context("it is no file of wishes; see the example in docs/cli.md")
 }
 
 /// The same from text, with the folder of the pictures.
@@ -221,5 +222,19 @@ fn place(entry: &Entry, of: &Surroundings) -> Result<(Place, Option<String>)> {
         0 => Ok((Place::Whole, None)),
         1 => Ok(places.remove(0)),
         _ => bail!("give one of `rect`, `surface`, `material` and `sensors`"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_byte_order_mark_may_stand_before_wishes() {
+        let text = r#"{"wishes": [{"lux": 500}]}"#;
+        for text in [text.to_owned(), format!("\u{feff}{text}")] {
+            let wishes = file_of(&text).unwrap().wishes;
+            assert_eq!((wishes.len(), wishes[0].lux), (1, Some(500.0)));
+        }
     }
 }

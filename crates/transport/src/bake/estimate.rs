@@ -15,6 +15,7 @@ use super::clock::Clock;
 use super::focus::Focus;
 use super::{Bake, BakeError, BakeEvent, BakeJob, Indirect, Passes, Run};
 use crate::archive::header_len;
+use crate::irradiance::IrradianceRows;
 use crate::matrix::CHANNELS;
 use crate::nodes::Nodes;
 
@@ -165,8 +166,9 @@ impl BakeJob {
                 });
                 let Some(watch) = tried? else { return Ok(None) };
                 secs += watch.secs_for(partition.n_blocks(), self.scales());
-                // Noise leaves a preview as it leaves that of the picture.
-                secs += if own.samples.is_none() { denoising } else { 0.0 };
+                // Noise leaves what arrives at pixels as it leaves the picture.
+                let has_neighbors = header.irradiance[own.set].rows == IrradianceRows::Pixels;
+                secs += if has_neighbors { denoising } else { 0.0 };
             }
         }
         let Some((packing_secs, sizes)) = sizes(header, &run.matrices, &partitions, focus) else { return Ok(None) };

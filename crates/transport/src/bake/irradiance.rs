@@ -1,7 +1,8 @@
 //! Rows of irradiance beside those of the picture: each set is one more matrix, traced with all samples at once.
 //!
 //! What arrives at pixels is there as a preview when the picture is, and shares indirect light where the picture does: its nodes
-//! hold what arrives, whatever the surface makes of it. Points of grids are few, and traced without bias.
+//! hold what arrives, whatever the surface makes of it. Noise is taken out of it as of the picture. Points of grids are few, and
+//! traced without bias.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -9,7 +10,6 @@ use std::sync::Arc;
 use clerestory_nystrom::{BlockFactors, BlockLowRank, Denoiser, Guide, Likeness, compress_by};
 
 use super::clock::Clock;
-use super::denoise::Denoised;
 use super::focus::Focus;
 use super::patches::PatchBlocks;
 use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Indirect, Passes, Run};
@@ -78,6 +78,11 @@ impl Likeness for Arriving<'_> {
     fn gains(&self, _: u32) -> &[f32] {
         &[1.0; CHANNELS]
     }
+}
+
+/// Whether some noise is known, which a matrix of an earlier bake has left behind.
+fn is_grainy(groups: &[BlockLowRank]) -> bool {
+    groups.iter().flat_map(|group| &group.blocks).flatten().any(|block| !block.doubt.is_empty())
 }
 
 /// All matrices of a bake, one part per group of columns.
@@ -186,7 +191,8 @@ fn dark_for<'a>(rows: &IrradianceRows, dark: &'a [u32]) -> &'a [u32] {
 }
 
 impl Run<'_> {
-    /// Compresses some blocks of a matrix of irradiance. Those of a preview are told of once more with less noise.
+    /// Compresses some blocks of a matrix of irradiance. What arrives at pixels is told of once more with less noise, as a preview and
+    /// as it stays.
     pub(super) fn irradiance(
         &mut self,
         own: &IrradiancePass,
@@ -196,14 +202,20 @@ impl Run<'_> {
     ) -> Result<ControlFlow<()>, BakeError> {
         let mut preview = self.empty_preview(own);
         let flow = self.trace_irradiance(own, blocks, &mut preview, clock, on_event)?;
-        let is_grainy = own.samples.is_none() && !blocks.is_empty();
-        if flow.is_break() || !is_grainy || !self.is_denoised(false) {
+        let is_last = own.samples.is_some();
+        let groups = if is_last { self.matrices[1 + own.set][..self.n_own()].to_vec() } else { preview };
+        let has_neighbors = self.header.irradiance[own.set].rows == IrradianceRows::Pixels;
+        if flow.is_break() || !has_neighbors || !self.is_denoised(is_last) || !is_grainy(&groups) {
             return Ok(flow);
         }
-        Ok(match self.with_less_grain(own.set, &preview) {
-            Some(blocks) => on_event(BakeEvent::IrradianceDenoised { set: own.set, blocks }),
-            None => ControlFlow::Break(()),
-        })
+        let Some(groups) = self.with_less_grain(own.set, &groups) else { return Ok(ControlFlow::Break(())) };
+        let blocks = (0..self.header.partitions()[1 + own.set].n_blocks())
+            .filter_map(|block_idx| Some((block_idx, block_of(&groups, block_idx)?)))
+            .collect();
+        if is_last {
+            self.matrices[1 + own.set].iter_mut().zip(groups).for_each(|(own, group)| *own = group);
+        }
+        Ok(on_event(BakeEvent::IrradianceDenoised { set: own.set, blocks }))
     }
 
     /// Where the blocks of a preview are kept; empty where the pass is none.
@@ -216,16 +228,15 @@ impl Run<'_> {
         preview
     }
 
-    /// A preview of irradiance, noise taken out as of that of the picture; `None` if nobody wants it any more.
-    fn with_less_grain(&mut self, set: usize, preview: &[BlockLowRank]) -> Option<Vec<Denoised>> {
+    /// What arrives at pixels, noise taken out as of the picture; `None` if nobody wants it any more.
+    fn with_less_grain(&mut self, set: usize, groups: &[BlockLowRank]) -> Option<Vec<BlockLowRank>> {
         let (job, focus, header) = (self.job, self.focus, self.header.clone());
         let light = job.scene.lighting.basis.file_light(&header.irradiance[set].column_scale);
         let (guides, partition) = (self.guides()?, header.partitions().swap_remove(1 + set));
         let preserved = job.preserved(&light);
         let denoiser =
             Denoiser { partition: &partition, bundle_len: CHANNELS, preserved, likeness: &Arriving(&guides) };
-        let groups = denoiser.all(preview, &|| !focus.is_left())?;
-        Some((0..partition.n_blocks()).filter_map(|idx| Some((idx, block_of(&groups, idx)?))).collect())
+        denoiser.all(groups, &|| !focus.is_left())
     }
 
     /// The blocks of a preview are kept in `preview` alone.

@@ -157,6 +157,72 @@ fn points_inside_blocks_are_left_out_of_a_work_plane() {
     assert!((0..16).all(|n| (lux[n] == 0.0) == [5, 6, 9, 10].contains(&n)), "{lux:?}");
 }
 
+/// A closed box whose fronts look outward, around the origin of a node that is moved.
+fn block(half: f32, moved: Vec3) -> Vec<Vec3> {
+    room(Vec3::splat(half)).chunks_exact(3).flat_map(|t| [t[0], t[2], t[1]].map(|corner| corner + moved)).collect()
+}
+
+/// Size of a work plane 0.7 m above the floor with a point every half meter, and what it leaves out.
+fn work_plane(stage: Stage) -> ([u32; 2], Vec<u32>) {
+    let plane = WorkPlane { height_m: 0.7, spacing_m: Some(0.5), floor: None };
+    let request = IrradianceRequest { work_planes: vec![plane], ..Default::default() };
+    match request.rows(&stage.prepared()).expect("the room has a floor").remove(0) {
+        IrradianceRows::Grid(grid) => (grid.size, grid.left_out),
+        IrradianceRows::Pixels => panic!("only a grid was asked for"),
+    }
+}
+
+fn double_sided() -> Material {
+    Material { double_sided: true, ..lambert(0.5, 0.0) }
+}
+
+#[test]
+fn points_inside_closed_bodies_are_left_out_though_all_is_double_sided() {
+    let (middle, corner) = (Vec3::NEG_Y * 0.5, Vec3::splat(-0.5));
+    let single = || lambert(0.5, 0.0);
+    for (walls, material) in [(single(), single()), (single(), double_sided()), (double_sided(), double_sided())] {
+        // On the floor, and in a corner whose three sides it shares.
+        for (moved, left_out) in [(middle, [5, 6, 9, 10]), (corner, [0, 1, 4, 5])] {
+            let stage = Stage::new(above()).surface("walls", &room(Vec3::ONE), walls.clone());
+            let stage = stage.surface("block", &block(0.5, moved), material.clone());
+            assert_eq!(work_plane(stage), ([4, 4], left_out.to_vec()), "at {moved}, {}", material.double_sided);
+        }
+    }
+}
+
+#[test]
+fn sheets_tubs_and_bodies_inside_out_take_no_points_from_a_work_plane() {
+    let level = |height: f32| quad(Vec3::new(-0.9, height, 0.9), Vec3::X * 1.8, Vec3::NEG_Z * 1.8);
+    let turned = |height: f32| quad(Vec3::new(-0.9, height, 0.9), Vec3::NEG_Z * 1.8, Vec3::X * 1.8);
+    let curtain = [
+        quad(Vec3::new(-0.9, -0.9, 0.1), Vec3::X * 1.5, Vec3::Y),
+        quad(Vec3::new(0.6, -0.9, 0.1), Vec3::NEG_Z, Vec3::Y),
+    ];
+    let tub: Vec<Vec3> = block(0.5, Vec3::NEG_Y * 0.5);
+    let tub: Vec<Vec3> =
+        tub.chunks_exact(3).filter(|t| t.iter().any(|corner| corner.y < -0.5)).flatten().copied().collect();
+    let inward: Vec<Vec3> = room(Vec3::splat(0.5)).iter().map(|corner| *corner - Vec3::Y * 0.5).collect();
+    for corners in [level(-0.6), turned(-0.6), level(0.2), turned(0.2), curtain.concat(), tub, inward] {
+        let stage = Stage::new(above()).surface("walls", &room(Vec3::ONE), double_sided());
+        assert_eq!(work_plane(stage.surface("object", &corners, double_sided())), ([4, 4], Vec::new()), "{corners:?}");
+    }
+}
+
+#[test]
+fn a_body_around_a_camera_or_a_lamp_is_a_room() {
+    let ground = quad(Vec3::new(-2.0, -1.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0);
+    let stage = |camera| {
+        let stage = Stage::new(camera).surface("ground", &ground, double_sided());
+        stage.surface("body", &block(1.0, Vec3::ZERO), double_sided())
+    };
+    let within = Camera::look_at("inside", Vec3::new(0.1, 0.2, 0.5), Vec3::NEG_Z, 1.2, 4.0 / 3.0);
+    let (size, left_out) = work_plane(stage(above()));
+    assert_eq!((size, left_out.len()), ([8, 8], 16));
+    for stage in [stage(within), stage(above()).lamp("lamp", Vec3::new(0.3, 0.4, 0.1), 1.0)] {
+        assert_eq!(work_plane(stage), ([8, 8], Vec::new()));
+    }
+}
+
 #[test]
 fn a_work_plane_stands_on_the_floor_that_was_chosen() {
     let podium = quad(Vec3::new(-0.5, -0.6, 0.5), Vec3::X, Vec3::NEG_Z);
@@ -289,14 +355,14 @@ fn irradiance_is_there_when_the_preview_is_and_that_of_sensors_stays() {
 }
 
 #[test]
-fn a_preview_of_irradiance_comes_once_more_with_less_noise_and_the_bake_is_the_same() {
+fn irradiance_comes_once_more_with_less_noise_as_a_preview_and_as_it_stays() {
     let scene = lit_room();
     let film = Film { width: 64, height: 48 };
-    // The preview as it came and as it is left, with the bake.
+    // The preview as it came and as it is left, with the bake, and how many blocks of each were told of once more.
     let baked = |denoise: bool| {
         let mut job = job(&scene, vec![IrradianceRows::Pixels], Indirect::Traced);
         (job.film, job.passes, job.config.denoise) = (film, Passes::PreviewAndFinal, denoise);
-        let (mut previews, mut n_denoised) = (Vec::new(), 0);
+        let (mut previews, mut n_denoised, mut stays) = (Vec::new(), [0, 0], 0);
         let bake = job.run(|event| {
             match event {
                 BakeEvent::Started { header, .. } => previews = vec![header.empty_irradiance().remove(0); 2],
@@ -305,10 +371,11 @@ fn a_preview_of_irradiance_comes_once_more_with_less_noise_and_the_bake_is_the_s
                         group.blocks[block_idx] = Some(factors.clone());
                     }
                 }
+                BakeEvent::IrradianceDone { .. } => stays = 1,
                 BakeEvent::IrradianceDenoised { set, blocks } => {
                     assert_eq!(set, 0);
-                    n_denoised += blocks.len();
-                    for (block_idx, factors) in blocks {
+                    n_denoised[stays] += blocks.len();
+                    for (block_idx, factors) in blocks.into_iter().filter(|_| stays == 0) {
                         for (group, factors) in previews[1].iter_mut().zip(factors) {
                             group.blocks[block_idx] = Some(factors);
                         }
@@ -322,18 +389,21 @@ fn a_preview_of_irradiance_comes_once_more_with_less_noise_and_the_bake_is_the_s
     };
     let (bake, previews, n_denoised) = baked(true);
     let (plain, grainy, none) = baked(false);
-    assert_eq!((n_denoised, none), (12, 0));
-    assert_eq!(bake.irradiance, plain.irradiance);
+    assert_eq!((n_denoised, none), ([12, 12], [0, 0]));
     assert_eq!((&grainy[0], &grainy[1]), (&previews[0], &previews[0]), "it came as it was sampled");
-    let error = |preview: &[BlockLowRank], truth: &[f64]| -> f64 {
-        let early = Bake { irradiance: vec![preview.to_vec()], ..bake.clone() };
-        relit(&early, 0).iter().zip(truth).map(|(lux, truth)| (lux - truth).powi(2)).sum()
+    let error = |rows: &[BlockLowRank], truth: &[f64]| -> f64 {
+        let of_rows = Bake { irradiance: vec![rows.to_vec()], ..bake.clone() };
+        relit(&of_rows, 0).iter().zip(truth).map(|(lux, truth)| (lux - truth).powi(2)).sum()
     };
     let mut exact = job(&scene, vec![IrradianceRows::Pixels], Indirect::Traced);
-    (exact.film, exact.config.spp) = (film, 256);
+    (exact.film, exact.config.spp, exact.config.denoise) = (film, 256, false);
     let truth = relit(&exact.run(|_| ControlFlow::Continue(())).unwrap().unwrap(), 0);
     let [before, after] = [0, 1].map(|nth| error(&previews[nth], &truth));
-    assert!(after < 0.7 * before, "{before:e} {after:e}");
+    assert!(after < 0.7 * before, "preview {before:e} {after:e}");
+    let [before, after] = [&plain, &bake].map(|bake| error(&bake.irradiance[0], &truth));
+    assert!(after < 0.9 * before, "as it stays {before:e} {after:e}");
+    let [before, after] = [&plain, &bake].map(|bake| bake.irradiance_figures()[0].error_db);
+    assert!(after.sampling > before.sampling, "what is left is told: {before:?} {after:?}");
 }
 
 #[test]

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{Vec2, Vec3};
 
+use super::inside::points_inside;
 use super::{SensorError, SensorGrid};
 use crate::basis::KeyMaker;
 use crate::bvh::Ray;
@@ -129,7 +130,8 @@ fn work_plane(scene: &PreparedScene, plane: WorkPlane) -> Result<SensorGrid, Sen
     let all = 0..grid.n_points() as u32;
     let is_over = |point: Vec3| triangles.is_empty() || triangles.iter().any(|corners| is_below(corners, point));
     let stands = |point: Vec3| is_over(point) && stands_on_a_floor(scene, point);
-    let hangs = |number: &u32| grid.point(*number).is_some_and(|point| !stands(point));
+    let inside = points_inside(scene, &grid);
+    let hangs = |number: &u32| inside.contains(number) || grid.point(*number).is_some_and(|point| !stands(point));
     let left_out: Vec<u32> = all.filter(hangs).collect();
     // A scene whose floor is missing or turned round is measured all over.
     if left_out.len() < grid.n_points() {
@@ -181,7 +183,7 @@ impl Site {
 }
 
 /// Whether a triangle that faces up lies straight below or above a point.
-fn is_below(corners: &[Vec3; 3], point: Vec3) -> bool {
+pub(super) fn is_below(corners: &[Vec3; 3], point: Vec3) -> bool {
     let [a, b, c] = corners.map(|corner| Vec2::new(corner.x, corner.z));
     let p = Vec2::new(point.x, point.z);
     let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(p - from));
@@ -198,7 +200,7 @@ fn name(scene: &Scene, plane: WorkPlane) -> String {
 /// back, and a side with the room.
 const BACKS_INSIDE: usize = 3;
 
-/// Whether there is a surface below a point, and it is not inside of a wall or a block.
+/// Whether there is a surface below a point, and no single-sided wall or block around it.
 fn stands_on_a_floor(scene: &PreparedScene, point: Vec3) -> bool {
     let first = |direction: Vec3| {
         let ray = Ray { origin: point, direction, t_min: 0.0, t_max: f32::INFINITY };
