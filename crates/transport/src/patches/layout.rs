@@ -249,9 +249,9 @@ fn first_broad(scene: &PreparedScene, ray: &Ray, sampler: &mut Sampler) -> Optio
         };
         // The way to the glass is known to be free.
         let start = (ray.origin, hit.origin(hit.outward(-ray.direction)));
-        let (share, (_, origin)) = through_glass(scene, start, Vec3::ZERO, &route)?;
-        passed *= share;
-        ray.origin = origin;
+        let emerged = through_glass(scene, start, Vec3::ZERO, &route)?;
+        passed *= emerged.passed;
+        ray.origin = emerged.from;
     }
     None
 }

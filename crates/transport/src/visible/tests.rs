@@ -340,6 +340,35 @@ fn a_point_lamp_over_a_floor_follows_cosine_and_inverse_square() {
     }
 }
 
+#[test]
+fn lamps_far_away_light_a_floor_as_cosine_and_inverse_square_have_it() {
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 0.8, 0.0), Vec3::ZERO, 1.0, 1.0);
+    let floor = quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0);
+    let pane = block(Vec3::Y, Vec3::new(8.0, 0.01, 8.0), Quat::IDENTITY);
+    let stage = || Stage::new(camera.clone()).surface("floor", &floor, lambert(ALBEDO, 0.0));
+    // Each face of the pane mirrors 4 % of what comes straight at it.
+    let scenes = [(stage().prepared(), 1.0), (stage().surface("pane", &pane, glass()).prepared(), 0.96 * 0.96)];
+    let film = Film { width: 16, height: 16 };
+    for shape in [LampShape::Point, LampShape::Rectangle { size_m: [1.0; 2] }, LampShape::Disk { radius_m: 0.5 }] {
+        for (meters, aside) in [(200.0, 1.0), (1e3, 0.0), (1e3, 1.0), (5e4, 1.0)] {
+            let at = Vec3::new(aside * meters, meters, 0.0);
+            let candela = 100.0 * meters * meters;
+            let lamps =
+                prepared(&[FreeLamp { aim: Vec3::ZERO, ..lamp(shape.clone(), at, candela, LampUnit::Candela) }]);
+            let lux = candela * at.normalize().y / at.length_squared();
+            for (scene, passed) in scenes.iter().filter(|(_, passed)| *passed == 1.0 || aside == 0.0) {
+                let picture = live(scene, &lamps, film, 4, 1);
+                let expected = lux * ALBEDO / PI * passed;
+                let mean = picture.iter().map(|rgb| rgb[1]).sum::<f32>() / film.n_pixels() as f32;
+                let what = format!("{shape:?} {meters} m up, {passed} of it passed");
+                assert!((mean / expected - 1.0).abs() < 5e-3, "{what}: {mean} is not {expected}");
+                let n_dark = picture.iter().filter(|rgb| rgb[1] < 0.9 * expected).count();
+                assert_eq!(n_dark, 0, "{what}: pixels in the shadow of their own floor");
+            }
+        }
+    }
+}
+
 /// How far a place is from the nearest surface of the room, m.
 fn clear_m(place: Vec3) -> f32 {
     let floor = [Vec3::new(-3.0, 0.0, -3.0), Vec3::new(3.0, 0.0, 3.0)];
