@@ -187,7 +187,7 @@ fn few_points_of_a_body_far_away_tell_what_many_tell() {
         let plain = patches.samples().iter().map(|at| PatchSample { grazing: 0.0, ..*at });
         let (mut apart, mut all) = (0.0, 0.0);
         for at in plain {
-            let many = lamps.irradiance(&scene, at.position, at.normal).x;
+            let many = lamps.irradiance(&scene, at.position, at.normal, None).x;
             apart += (lamps.light_on(&scene, &at).x - many).abs();
             all += many;
         }

@@ -98,6 +98,7 @@ impl<'a> Shading<'a> {
             let may_send = |wi| point.may_send(point.normal(), wi);
             let through = || lamp.lamp.through(slabs, from, spread(u, nth), may_send);
             let Through { first: slab, way } = if is_beside_slabs { Through::default() } else { through() };
+            let way = way.filter(|way| way.route.slabs().len() <= point.most_slabs());
             let sent = way.and_then(|way| Some((self.sent_along(point, lamp, spread(u, nth), &way)?, way)));
             if let Some((lit, way)) = sent {
                 n_rays += 1;

@@ -18,7 +18,7 @@ use crate::trace::{TraceConfig, trace};
 
 const FILM: Film = Film { width: 48, height: 32 };
 const WIDE: Film = Film { width: 48, height: 16 };
-const SIXTEEN: VisibleConfig = VisibleConfig { samples: 16, seed: 0, first: 0, narrow_alpha: 0.0 };
+const SIXTEEN: VisibleConfig = VisibleConfig { samples: 16, seed: 0, first: 0, narrow_alpha: 0.0, bounces: None };
 /// Side of the blocks of pixels whose means are compared.
 const BLOCK: u32 = 8;
 const ALBEDO: f32 = 0.5;
@@ -270,6 +270,34 @@ fn direct_light_through_a_solid_pane_is_that_of_walks() {
 }
 
 #[test]
+fn faces_of_solid_panes_and_mirrors_count_as_bounces() {
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 0.6, 1.2), Vec3::ZERO, 0.8, 1.5);
+    let floor = quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0);
+    let window = block(Vec3::new(0.0, 1.1, 0.0), Vec3::new(8.0, 0.125, 8.0), Quat::IDENTITY);
+    let stage = Stage::new(camera).surface("floor", &floor, lambert(ALBEDO, 0.0)).surface("window", &window, glass());
+    let (covered, mirrored) = (stage.prepared(), metal_before_a_floor(0.0).prepared());
+    let seen = |scene: &PreparedScene, lamps: &PreparedLamps, bounces: Option<u32>| {
+        live_by(scene, lamps, WIDE, 1, VisibleConfig { bounces, ..SIXTEEN })
+    };
+    let is_dark = |picture: &[[f32; 3]]| picture.iter().all(|rgb| *rgb == [0.0; 3]);
+    for lamp in shapes() {
+        let what = format!("{:?}", lamp.shape);
+        let lamps = prepared(&[FreeLamp { position: Vec3::new(0.3, 1.9, 0.2), aim: Vec3::ZERO, ..lamp }]);
+        let lux = |bounces| lamps.irradiance(&covered, Vec3::ZERO, Vec3::Y, bounces).y;
+        let all = seen(&covered, &lamps, None);
+        assert!(!is_dark(&all) && lux(None) > 0.0, "{what}");
+        assert!(seen(&covered, &lamps, Some(2)) == all && lux(Some(2)) == lux(None), "{what}: two faces, two bounces");
+        for few in [0, 1] {
+            assert!(is_dark(&seen(&covered, &lamps, Some(few))) && lux(Some(few)) == 0.0, "{what}: {few} bounces");
+        }
+    }
+    let lamps = prepared(&[FreeLamp { position: Vec3::new(0.3, 1.6, 1.0), ..shapes()[0].clone() }]);
+    let all = seen(&mirrored, &lamps, None);
+    assert!(!is_dark(&all) && seen(&mirrored, &lamps, Some(1)) == all, "the mirror is one bounce");
+    assert!(is_dark(&seen(&mirrored, &lamps, Some(0))), "it shows no lit floor without one");
+}
+
+#[test]
 fn a_card_behind_a_solid_pane_hides_a_point_lamp_from_each_place_by_itself() {
     let camera = Camera::look_at("eye", Vec3::new(0.0, 0.6, 1.2), Vec3::Z * 0.4, 0.6, 1.5);
     let floor = quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0);
@@ -283,7 +311,7 @@ fn a_card_behind_a_solid_pane_hides_a_point_lamp_from_each_place_by_itself() {
     let picture = points.direct(&scene, &lamps, 0, &never).expect("nobody stops it");
     let (mut n, mut n_different) = ([0; 2], 0);
     for point in points.bands.iter().flatten().flat_map(|band| &band.found.points) {
-        let expected = lamps.irradiance(&scene, point.position, Vec3::Y).y * ALBEDO / PI;
+        let expected = lamps.irradiance(&scene, point.position, Vec3::Y, None).y * ALBEDO / PI;
         let found = picture[point.pixel as usize][1];
         n[usize::from(expected > 0.0)] += 1;
         n_different += usize::from((found - expected).abs() > 1e-3 * expected);
@@ -405,7 +433,7 @@ fn assert_no_flash(scene: &PreparedScene, lamp: &FreeLamp) {
     for value in picture.as_flattened() {
         assert!((0.0..=most).contains(value), "{what}: {value} nit where there can be {most}");
     }
-    let arriving = lamps.irradiance(scene, Vec3::ZERO, Vec3::Y);
+    let arriving = lamps.irradiance(scene, Vec3::ZERO, Vec3::Y, None);
     assert!(arriving.min_element() >= 0.0 && arriving.max_element() <= lux, "{what}: {arriving} lx of {lux}");
 }
 
