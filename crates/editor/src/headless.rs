@@ -199,7 +199,8 @@ fn scene_or_gallery(scene: Option<&Path>, name: &str, file: Option<&LookFile>, c
     let job = BakeJob { irradiance, ..job(view, &options, Passes::FinalOnly) };
     let (bake, times) = run_with_progress(console, &options, &nothing_kept, |on_event| job.run(on_event))?;
     let (patches, measures) = (bake.header.patches.clone(), bake.pixel_irradiance().is_some());
-    let view = LampView { scene, camera, film, patches, measures, device: None };
+    let bounces = bake.header.config.bounces;
+    let view = LampView { scene, camera, film, patches, measures, bounces, device: None };
     Ok(Baked { bake, times, options, looks, view: Some(view) })
 }
 

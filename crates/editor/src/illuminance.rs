@@ -149,8 +149,9 @@ pub fn of_grid(
     (rig, added): (&LightRig, &AddedLux),
 ) -> Result<Vec<(Vec3, f32)>> {
     let irradiance = irradiance_of(bake, set, rig, &added.of_patches)?;
+    let bounces = bake.header.config.bounces;
     let straight = |point: Vec3| {
-        added.lamps.as_ref().map_or(Vec3::ZERO, |(scene, lamps)| lamps.irradiance(scene, point, grid.normal))
+        added.lamps.as_ref().map_or(Vec3::ZERO, |(scene, lamps)| lamps.irradiance(scene, point, grid.normal, bounces))
     };
     let lux = |point: Vec3, rgb: &[f32; 3]| luminance((Vec3::from(*rgb) + straight(point)).to_array()).max(0.0);
     let measured = |(number, rgb)| grid.point(number).map(|point| (point, lux(point, rgb)));

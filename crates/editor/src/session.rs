@@ -288,6 +288,7 @@ impl Session {
             film: shown.film(),
             patches: shown.patches().cloned(),
             measures: shown.pixel_irradiance().is_some(),
+            bounces: shown.header.config.bounces,
             device: None,
         });
         Some(Subject { bake: shown.bake(), view })

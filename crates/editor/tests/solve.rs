@@ -129,7 +129,7 @@ fn no_lux_is_told_of_a_place_while_the_light_of_lamps_is_not_there_yet() {
     let session = window.state().session();
     let (shown, scene) = (session.shown.as_ref().unwrap(), session.lamp_scene().unwrap().clone());
     let (camera, film) = (scene.scene.cameras[0].clone(), shown.film());
-    let view = LampView { scene, camera, film, patches: None, measures: true, device: None };
+    let view = LampView { scene, camera, film, patches: None, measures: true, bounces: None, device: None };
     let position = Vec3::new(0.0, 0.2, -0.3);
     let lamp = FreeLamp {
         key: "a".into(),

@@ -45,7 +45,8 @@ struct Lamp {
 @group(0) @binding(1) var<storage, read> nodes: array<vec4u>;
 // Four triangles: corner × axis, then their names. 10 rows of four numbers.
 @group(0) @binding(2) var<storage, read> blocks: array<vec4u>;
-// 4 rows of four numbers each.
+// 4 rows of four numbers each; the number of a point has whether it is left in bit 0, its place among sixteen from bit 4 on, that of
+// the sixteen from bit 8 on, and how many slabs light may pass from bit 12 on.
 @group(0) @binding(3) var<storage, read> points: array<vec4u>;
 // Where the points of each pixel begin, and the number of points.
 @group(0) @binding(4) var<storage, read> starts: array<u32>;
@@ -1071,6 +1072,10 @@ fn shaded(point: u32, tile: u32) -> vec4f {
         var light: Sent;
         if HAS_SLABS && nth == 1u {
             light = sent_through(place, own, &route);
+            // Faces count as bounces, of which a bake may have a limit.
+            if light.state == 1u && route.n > ((number >> 12u) & 15u) {
+                continue;
+            }
         } else {
             light = sent(place, u, own);
         }

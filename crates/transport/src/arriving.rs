@@ -47,15 +47,17 @@ impl ArrivingPoints {
         Some(ArrivingPoints { points })
     }
 
-    /// What lamps send straight to each point, lux per channel, row by row from the top left; `None` when `stop` asked to.
+    /// What lamps send straight to each point with so many bounces, as [`PreparedLamps::irradiance`] has them, lux per channel, row by row
+    /// from the top left; `None` when `stop` asked to.
     pub fn irradiance(
         &self,
         scene: &PreparedScene,
         lamps: &PreparedLamps,
+        bounces: Option<u32>,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Option<Vec<[f32; 3]>> {
         whole(self.points.len(), stop, |pixel| {
-            let lux = |(position, normal)| lamps.irradiance(scene, position, normal);
+            let lux = |(position, normal)| lamps.irradiance(scene, position, normal, bounces);
             self.points[pixel].map_or(Vec3::ZERO, lux).to_array()
         })
     }

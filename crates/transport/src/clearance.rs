@@ -38,6 +38,12 @@ pub(crate) fn shortening(from: Vec3, extent: f32) -> f32 {
     10.0 * ROUNDINGS * f32::EPSILON * beyond.element_sum()
 }
 
+/// Whether rays from a point so many meters away tell a place from the surface that it was lifted off. They see corners and places from
+/// that point, so that a surface lies where it does but for roundings of its distance; rays from the place itself see it from nearby.
+pub(crate) fn is_told_apart(lifted_m: f32, distance_m: f32) -> bool {
+    ROUNDINGS * f32::EPSILON * distance_m < lifted_m
+}
+
 /// A target that is so much nearer.
 pub(crate) fn nearer(from: Vec3, target: Vec3, by: f32) -> Vec3 {
     if by > 0.0 { target.move_towards(from, by) } else { target }

@@ -119,6 +119,13 @@ impl Patches {
         &self.body.samples
     }
 
+    /// Those of a patch.
+    pub(crate) fn samples_of(&self, patch: u32) -> &[PatchSample] {
+        let Body { samples, first, .. } = &*self.body;
+        let [from, to] = [patch, patch + 1].map(|patch| first[patch as usize] as usize);
+        &samples[from..to]
+    }
+
     /// Root mean square over lamps that were not learned from of the relative error (L2) in a few pixels by which columns
     /// differ from patches; it says nothing of the patches' own coarseness or of noise.
     pub fn held_out_error(&self) -> f32 {

@@ -18,7 +18,7 @@ pub(crate) use gather::{Gathering, Onto};
 pub(crate) use irradiance::Receiver;
 pub(crate) use landings::{Landing, NoLights, Onward};
 pub(crate) use reuse::{Meeting, Start};
-pub(crate) use slabs::{passed_along, through_glass};
+pub(crate) use slabs::{Emerged, passed_along, through_glass};
 
 use std::ops::Range;
 

@@ -33,6 +33,11 @@ const MOST_ASIDE: f32 = 4.0;
 /// Most slabs in a row that a connection passes.
 pub(crate) const IN_A_ROW: usize = 8;
 
+/// Most slabs that a connection passes where so many bounces are left for them: both faces of each count.
+pub(crate) fn most_in_a_row(bounces: u32) -> usize {
+    IN_A_ROW.min((bounces / 2) as usize)
+}
+
 /// All slabs of a scene.
 #[derive(Debug, Default)]
 pub(crate) struct Slabs {

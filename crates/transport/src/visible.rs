@@ -43,6 +43,9 @@ pub struct VisibleConfig {
     /// Widest lobe α whose direction is followed to the next surface, whose light straight from lamps then counts as well:
     /// what patches leave out, [`crate::patches::Patches::narrow_alpha`]. 0 for none.
     pub narrow_alpha: f32,
+    /// Most bounces of what counts, as [`BakeConfig::bounces`](crate::bake::BakeConfig::bounces) has them: mirrors and faces of solid glass
+    /// before a surface, and between it and a lamp, are some. `None` for no limit.
+    pub bounces: Option<u32>,
 }
 
 /// The surfaces that a camera sees.
@@ -150,7 +153,7 @@ impl Band {
     fn look(
         scene: &PreparedScene,
         (camera, film): (&Camera, Film),
-        VisibleConfig { seed, narrow_alpha, .. }: VisibleConfig,
+        VisibleConfig { seed, narrow_alpha, bounces, .. }: VisibleConfig,
         (sample, band): (u32, u32),
         halt: &Halt,
     ) -> Option<Band> {
@@ -168,7 +171,8 @@ impl Band {
                 let pixel = (top + y) * film.width + left + x;
                 let trail = Trail::from_camera(camera.position(), first.direction);
                 reach[(pixel - top * film.width) as usize] = first.hit.map_or(f32::INFINITY, |hit| hit.t);
-                found.follow((scene, narrow_alpha), (trail, first.hit), pixel, first.sampler);
+                let limits = (scene, narrow_alpha, bounces.unwrap_or(u32::MAX));
+                found.follow(limits, (trail, first.hit), pixel, first.sampler);
             }
             // Neighbors see neighbors, which share fans of rays; what narrow lobes show lies elsewhere.
             found.points.append(&mut found.shown);

@@ -155,14 +155,23 @@ impl Lamplight {
         let is_it = |view: &&Arc<LampView>| {
             Arc::ptr_eq(&view.scene, scene)
                 && (&view.camera, view.film, view.measures) == (camera, film, shown.pixel_irradiance().is_some())
+                && view.bounces == shown.header.config.bounces
                 && (is_of_header || view.patches.as_ref() == shown.patches())
                 && is_lit_by(view, device)
         };
         let kept = self.view.as_ref().filter(is_it).cloned();
         Some(kept.unwrap_or_else(|| {
             let (camera, patches) = (camera.clone(), shown.patches().cloned());
-            let measures = shown.pixel_irradiance().is_some();
-            Arc::new(LampView { scene: scene.clone(), camera, film, patches, measures, device: device.cloned() })
+            let (measures, bounces) = (shown.pixel_irradiance().is_some(), shown.header.config.bounces);
+            Arc::new(LampView {
+                scene: scene.clone(),
+                camera,
+                film,
+                patches,
+                measures,
+                bounces,
+                device: device.cloned(),
+            })
         }))
     }
 }
@@ -188,7 +197,7 @@ fn puts_out(light: &LampLight, shown: Option<&LampLight>, rig: &LightRig) -> boo
 
 /// Whether two views are the same but for their patches.
 fn is_seen_alike(a: &LampView, b: &LampView) -> bool {
-    Arc::ptr_eq(&a.scene, &b.scene) && (&a.camera, a.film) == (&b.camera, b.film)
+    Arc::ptr_eq(&a.scene, &b.scene) && (&a.camera, a.film, a.bounces) == (&b.camera, b.film, b.bounces)
 }
 
 /// Whether two lightings are the same in what is baked.

@@ -369,7 +369,9 @@ impl App {
         let parts = self.follower.lamp_light().map(|light| light.parts.clone()).unwrap_or_default();
         let lit = rig.lit_lamps();
         let stage = self.session.lamp_scene();
-        let lamps = stage.map(|stage| parts.into_iter().filter_map(|part| column(part, &lit, stage)).collect());
+        let bounces = shown.header.config.bounces;
+        let columns = |stage| parts.into_iter().filter_map(|part| column(part, &lit, (stage, bounces))).collect();
+        let lamps = stage.map(columns);
         let lamps = lamps.unwrap_or_default();
         let seen = self.solving.seen(View::of(&self.session).as_ref());
         let scene = Scene { bake: shown.bake(), rig: rig.clone(), lamps, seen };
@@ -616,8 +618,12 @@ fn here<'a>(session: &Session, pictures: &'a Pictures) -> Here<'a> {
     }
 }
 
-/// What a free lamp brings; none of one that cannot shine.
-fn column(part: LampPart, lit: &[FreeLamp], scene: &Arc<PreparedScene>) -> Option<LampColumn> {
+/// What a free lamp brings with so many bounces; none of one that cannot shine.
+fn column(
+    part: LampPart,
+    lit: &[FreeLamp],
+    (scene, bounces): (&Arc<PreparedScene>, Option<u32>),
+) -> Option<LampColumn> {
     let lamp = lit.iter().find(|lamp| lamp.key == part.key)?;
     let (prepared, _) = PreparedLamps::new(std::slice::from_ref(lamp), None).ok()?;
     let measured = part.is_measured().then(|| part.clone());
@@ -625,7 +631,7 @@ fn column(part: LampPart, lit: &[FreeLamp], scene: &Arc<PreparedScene>) -> Optio
         key: part.key.clone(),
         of_patches: part.of_patches().collect(),
         arriving: measured.map(|part| Arc::new(move |pixel| part.arriving(pixel)) as AtPixel),
-        at_point: at_point(scene.clone(), prepared),
+        at_point: at_point(scene.clone(), prepared, bounces),
         direct: Arc::new(move |pixel| part.direct(pixel)),
     })
 }

@@ -139,14 +139,17 @@ impl LampLight {
         let each: Vec<PreparedLamps> = lamps.iter().map(alone).collect::<Result<_>>()?;
         let film = Film { width: bake.header.width, height: bake.header.height };
         let narrow_alpha = bake.header.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
-        let direct = direct(&scene, &camera, (film, narrow_alpha), &each, n_samples);
+        let bounces = bake.header.config.bounces;
+        let direct = direct(&scene, &camera, (film, narrow_alpha, bounces), &each, n_samples);
         let of_patches = |lamps: &PreparedLamps| {
             let patches = bake.header.patches.as_ref();
             patches.map_or_else(Vec::new, |patches| lamps.light_on_patches(&scene, patches))
         };
         let measured = match arriving {
             Arriving::Left => vec![None; each.len()],
-            Arriving::Measured => arriving_light(&scene, &camera, film, &each).into_iter().map(Some).collect(),
+            Arriving::Measured => {
+                arriving_light(&scene, &camera, (film, bounces), &each).into_iter().map(Some).collect()
+            }
         };
         let lights = lamps.iter().zip(each).zip(direct).zip(measured);
         type Of<'a> = (((&'a FreeLamp, PreparedLamps), Radiance), Option<Radiance>);
@@ -209,7 +212,7 @@ pub(crate) fn warn_of_lacking(lamps: &[FreeLamp], look: Option<&Path>, scene: &P
 fn direct(
     scene: &PreparedScene,
     camera: &Camera,
-    (film, narrow_alpha): (Film, f32),
+    (film, narrow_alpha, bounces): (Film, f32, Option<u32>),
     lamps: &[PreparedLamps],
     n_samples: u32,
 ) -> Vec<Radiance> {
@@ -217,7 +220,7 @@ fn direct(
     let mut sums = vec![Radiance { width, height, pixels: vec![[0.0; 3]; film.n_pixels()] }; lamps.len()];
     for first in (0..n_samples).step_by(SAMPLES as usize) {
         let samples = SAMPLES.min(n_samples - first);
-        let config = VisibleConfig { samples, first, narrow_alpha, ..VisibleConfig::default() };
+        let config = VisibleConfig { samples, first, narrow_alpha, bounces, ..VisibleConfig::default() };
         let Some(points) = VisiblePoints::new(scene, camera, film, config, &|| false) else { continue };
         for (sum, lamps) in sums.iter_mut().zip(lamps) {
             for picture in (0..samples * ROUNDS).filter_map(|pass| points.direct(scene, lamps, pass, &|| false)) {
@@ -231,12 +234,17 @@ fn direct(
 }
 
 /// What each of some lamps sends straight to the surfaces that pixels see, lux.
-fn arriving_light(scene: &PreparedScene, camera: &Camera, film: Film, lamps: &[PreparedLamps]) -> Vec<Radiance> {
+fn arriving_light(
+    scene: &PreparedScene,
+    camera: &Camera,
+    (film, bounces): (Film, Option<u32>),
+    lamps: &[PreparedLamps],
+) -> Vec<Radiance> {
     let n_samples = SAMPLES * ROUNDS;
     let mut sums = vec![Radiance::new(film.width, film.height); lamps.len()];
     for points in (0..n_samples).filter_map(|nth| ArrivingPoints::new(scene, camera, film, nth, &|| false)) {
         for (sum, lamps) in sums.iter_mut().zip(lamps) {
-            let pass = points.irradiance(scene, lamps, &|| false).unwrap_or_default();
+            let pass = points.irradiance(scene, lamps, bounces, &|| false).unwrap_or_default();
             let pairs = sum.pixels.as_flattened_mut().iter_mut().zip(pass.as_flattened());
             pairs.for_each(|(sum, lux)| *sum += lux / n_samples as f32);
         }

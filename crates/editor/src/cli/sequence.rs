@@ -117,6 +117,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
         film: Film { width: header.width, height: header.height },
         patches: header.patches.clone(),
         measures,
+        bounces: header.config.bounces,
         device: None,
     });
     view.iter().for_each(|view| lamps::warn_of_lacking(&all, options.look.as_deref(), &view.scene, console));

@@ -150,7 +150,7 @@ fn lamps(args: &SolveArgs, bake: &Bake, look: &Look, console: &mut Console) -> R
         of_patches: light.of_patches.into_iter().map(Vec3::from).collect(),
         direct: at_pixel(light.direct),
         arriving: light.arriving.map(at_pixel),
-        at_point: at_point(light.scene, light.prepared),
+        at_point: at_point(light.scene, light.prepared, bake.header.config.bounces),
     };
     Ok(lights.into_iter().map(column).collect())
 }

@@ -41,6 +41,8 @@ pub struct LampView {
     pub patches: Option<Patches>,
     /// Whether the light that arrives is measured: the bake holds that of the other lights.
     pub measures: bool,
+    /// Most bounces of light of the bake; `None` for no limit.
+    pub bounces: Option<u32>,
     /// The device that lights what is seen, if one is to; the CPU otherwise.
     pub device: Option<Gpu>,
 }

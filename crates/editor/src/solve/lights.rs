@@ -17,9 +17,9 @@ pub type AtPixel = Arc<dyn Fn(u32) -> Vec3 + Send + Sync>;
 /// What arrives straight at a point of a surface with a normal, lux per channel.
 pub type AtPoint = Arc<dyn Fn(Vec3, Vec3) -> Vec3 + Send + Sync>;
 
-/// What lamps send to any point of their scene.
-pub fn at_point(scene: Arc<PreparedScene>, lamps: PreparedLamps) -> AtPoint {
-    Arc::new(move |point, normal| lamps.irradiance(&scene, point, normal))
+/// What lamps send to any point of their scene with so many bounces, of which there is no limit by `None`.
+pub fn at_point(scene: Arc<PreparedScene>, lamps: PreparedLamps, bounces: Option<u32>) -> AtPoint {
+    Arc::new(move |point, normal| lamps.irradiance(&scene, point, normal, bounces))
 }
 
 /// The light of a free lamp as it is set.

@@ -137,7 +137,7 @@ fn a_wish_for_sensors_counts_a_free_lamp_at_each_of_them() {
     let stage = prepared();
     let lit = |rig: &LightRig| PreparedLamps::new(&rig.lit_lamps(), None).unwrap().0;
     let dark: AtPixel = Arc::new(|_| Vec3::ZERO);
-    let at_point = at_point(stage.clone(), lit(&scene.rig));
+    let at_point = at_point(stage.clone(), lit(&scene.rig), None);
     scene.lamps =
         vec![LampColumn { key: "new".into(), direct: dark, arriving: None, at_point, of_patches: Vec::new() }];
     let (set, grid) = scene.bake.grids().next().unwrap();

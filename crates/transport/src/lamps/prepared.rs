@@ -19,6 +19,7 @@ use crate::path::passed_along;
 use crate::photometry::PhotometricProfile;
 use crate::prepared::PreparedScene;
 use crate::scene::PunctualLight;
+use crate::slabs::{IN_A_ROW, most_in_a_row};
 
 /// Why a lamp cannot shine.
 #[derive(Debug, Error)]
@@ -191,9 +192,10 @@ impl PreparedLamps {
     }
 
     /// What the lamps send straight to a place on a surface, past everything in the way: illuminance per channel in lux.
-    /// The same for the same question.
-    pub fn irradiance(&self, scene: &PreparedScene, position: Vec3, normal: Vec3) -> Vec3 {
-        let place = Place::new(scene, position, normal);
+    /// The same for the same question. Faces of solid panes count as `bounces`, of which there is no limit by `None`.
+    pub fn irradiance(&self, scene: &PreparedScene, position: Vec3, normal: Vec3, bounces: Option<u32>) -> Vec3 {
+        let most_slabs = most_in_a_row(bounces.unwrap_or(u32::MAX));
+        let place = Place { most_slabs, ..Place::new(scene, position, normal) };
         self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, &place, POINTS, |_| 1.0)).sum()
     }
 
@@ -219,6 +221,8 @@ struct Place {
     origin: Vec3,
     /// A distance beyond all surfaces, m.
     far: f32,
+    /// Most slabs that light may pass on its way.
+    most_slabs: usize,
 }
 
 impl Place {
@@ -226,7 +230,7 @@ impl Place {
         let extent = scene.extent();
         let clear = position + normal * leaving(position, normal, extent);
         let origin = offset_origin(clear, normal, extent);
-        Place { position, normal, origin, far: scene.far() }
+        Place { position, normal, origin, far: scene.far(), most_slabs: IN_A_ROW }
     }
 }
 
@@ -241,7 +245,7 @@ impl PreparedLamp {
     /// Illuminance at emission 1, light of each direction times a response to its cosine; of a lamp with a size by some of its points, [`POINTS`] at most.
     fn arriving(&self, scene: &PreparedScene, place: &Place, n_points: usize, response: impl Fn(f32) -> f32) -> Vec3 {
         let straight = self.arriving_straight(scene, place, n_points, &response);
-        if scene.slabs.is_empty() {
+        if scene.slabs.is_empty() || place.most_slabs == 0 {
             return straight;
         }
         straight + self.arriving_through_slabs(scene, place, n_points, &response)
@@ -251,7 +255,7 @@ impl PreparedLamp {
     fn arriving_through_slabs(
         &self,
         scene: &PreparedScene,
-        &Place { position, normal, origin, far }: &Place,
+        &Place { position, normal, origin, far, most_slabs }: &Place,
         n_points: usize,
         response: impl Fn(f32) -> f32,
     ) -> Vec3 {
@@ -259,6 +263,9 @@ impl PreparedLamp {
         let of_point = |nth: usize| {
             let u = self.spread(nth, n_points);
             let way = self.lamp.through(&scene.slabs, (position, far), u, |wi| wi.dot(normal) > 0.0).way?;
+            if way.route.slabs().len() > most_slabs {
+                return None;
+            }
             let lit = self.lamp.lit_along(&way, position, u, far)?;
             let cos = lit.wi.dot(normal);
             let value = lit.factor * cos * response(cos);
@@ -283,7 +290,7 @@ impl PreparedLamp {
         n_points: usize,
         response: impl Fn(f32) -> f32,
     ) -> Vec3 {
-        let &Place { position, normal, origin, far } = place;
+        let &Place { position, normal, origin, far, .. } = place;
         if !self.lamp.has_size() {
             let Some(lit) = self.lamp.lit(position, Vec2::ZERO, far) else { return Vec3::ZERO };
             let cos = lit.wi.dot(normal);

@@ -37,7 +37,8 @@ impl PreparedLamps {
         for lamp in self.lamps() {
             if layout.is_close(|place| lamp.lamp.apart_m(place)) {
                 let beams = lamp.beams(scene.extent());
-                layout.receive(scene, &beams, |place| lamp.lamp.apart_m(place), &mut irradiance);
+                let apart = |place| lamp.lamp.apart_m(place);
+                layout.receive(scene, &beams, apart, |patch| patches.samples_of(patch), &mut irradiance);
             }
         }
         irradiance

@@ -6,7 +6,7 @@ use clerestory_nystrom::BlockLowRank;
 use glam::Vec3;
 
 use super::patches::{FILM, baked, furnace, furnished, middles, peak};
-use super::stage::{Stage, lambert, pane, room};
+use super::stage::{Stage, lambert, pane, quad, room};
 use crate::bake::Bake;
 use crate::bake::focus::Focus;
 use crate::lamps::tests::ONE_SIDED;
@@ -36,8 +36,12 @@ fn shapes() -> [LampShape; 5] {
 
 /// Lamps that look down.
 fn prepared(shape: &LampShape, position: Vec3) -> PreparedLamps {
+    aimed(shape, position, position - Vec3::Y)
+}
+
+fn aimed(shape: &LampShape, position: Vec3, aim: Vec3) -> PreparedLamps {
     let (setting, unit) = (LightSetting::default(), LampUnit::Lumen);
-    let (aim, shape) = (position - Vec3::Y, shape.clone());
+    let shape = shape.clone();
     let lamp = FreeLamp {
         key: "close".into(),
         shape,
@@ -187,7 +191,7 @@ fn few_points_of_a_body_far_away_tell_what_many_tell() {
         let plain = patches.samples().iter().map(|at| PatchSample { grazing: 0.0, ..*at });
         let (mut apart, mut all) = (0.0, 0.0);
         for at in plain {
-            let many = lamps.irradiance(&scene, at.position, at.normal).x;
+            let many = lamps.irradiance(&scene, at.position, at.normal, None).x;
             apart += (lamps.light_on(&scene, &at).x - many).abs();
             all += many;
         }
@@ -277,6 +281,65 @@ fn a_lamp_that_is_pushed_through_a_wall_is_dark_within_and_no_flash_before_and_b
         println!("{shape:?}: {most:.3} at most, {within:.4} within, jumps of {jump:.3}");
         assert!(most < 1.06 && within < 0.01, "{shape:?}: {most:.3} at most, {within:.4} within");
         assert!(jump < 0.6, "{shape:?}: jumps of {jump:.3}");
+    }
+}
+
+/// A stage with a box, given by its middle and half of its size, that has both sides.
+fn boxed(stage: Stage, middle: Vec3, half: Vec3) -> Stage {
+    let corners: Vec<Vec3> = room(half).into_iter().map(|corner| middle + corner).collect();
+    stage.surface("box", &corners, Material { double_sided: true, ..lambert(0.6, 0.0) })
+}
+
+#[test]
+fn a_lamp_within_a_thin_board_or_a_closed_cupboard_lights_no_patches_outside() {
+    let (board, cupboard) = (Vec3::new(0.2, -0.4, 0.1), Vec3::new(-1.3, -0.7, -0.9));
+    let with_board = boxed(furnace(0.6), board, Vec3::new(0.7, 2.5e-3, 0.6));
+    let with_outside = boxed(with_board, cupboard, Vec3::new(0.4, 0.5, 0.3));
+    let scene = boxed(with_outside, cupboard, Vec3::new(0.38, 0.48, 0.28)).prepared();
+    let patches = learned(&scene, 512);
+    let share = |shape: &LampShape, place: Vec3| received(&patches, &thrown(&scene, &patches, &prepared(shape, place)));
+    for aside in [Vec3::ZERO, Vec3::new(0.3, 0.0, 0.2), Vec3::new(-0.5, 0.0, 0.1), Vec3::new(0.1, 0.0, -0.4)] {
+        let (within, above) =
+            (share(&LampShape::Point, board + aside), share(&LampShape::Point, board + aside + Vec3::Y * 0.05));
+        println!("point: {within:.4} within the board, {above:.3} above it");
+        assert!(within < 1e-3, "{within} of the light comes out of the board");
+        assert!((0.8..1.1).contains(&above), "{above} of the light above the board");
+    }
+    for shape in [LampShape::Point, LampShape::Sphere { radius_m: SIZE }, LampShape::Disk { radius_m: SIZE }] {
+        for height in [-0.45, 0.0, 0.4] {
+            let within = share(&shape, cupboard + Vec3::new(0.1, height, 0.05));
+            assert!(within < 1e-3, "{shape:?}: {within} of the light comes out of the cupboard");
+        }
+    }
+}
+
+#[test]
+fn a_narrow_beam_onto_a_column_is_received_wherever_it_falls() {
+    const SIDES: usize = 24;
+    let around = |nth: usize| {
+        let (sin, cos) = (std::f32::consts::TAU * (nth % SIDES) as f32 / SIDES as f32).sin_cos();
+        Vec3::new(cos, 0.0, sin)
+    };
+    let corner = |nth: usize, y: f32| around(nth) * 0.25 + Vec3::Y * y;
+    let face = |nth: usize| quad(corner(nth + 1, FLOOR), corner(nth, FLOOR) - corner(nth + 1, FLOOR), Vec3::Y * 2.4);
+    let column: Vec<Vec3> = (0..SIDES).flat_map(face).collect();
+    let both = Material { double_sided: true, ..lambert(0.6, 0.0) };
+    let scene = furnace(0.6).surface("column", &column, both).prepared();
+    let patches = learned(&scene, 512);
+    let shape = LampShape::Spot { inner_rad: 0.05, outer_rad: 0.1 };
+    for nth in 0..SIDES {
+        let aim = Vec3::Y * (0.08 * (nth % 7) as f32 - 0.3);
+        let lamps = aimed(&shape, aim + around(nth) * 0.6, aim);
+        let share = received(&patches, &thrown(&scene, &patches, &lamps));
+        // Where no camera looks there may be no patches.
+        println!("{nth}: {share:.3} of the light");
+        assert!(share < 1.1, "{share} of the light from side {nth}");
+        let outward = around(nth);
+        let has_patch = patches
+            .samples()
+            .iter()
+            .any(|sample| sample.normal.dot(outward) > 0.95 && sample.position.distance(aim + outward * 0.25) < 0.15);
+        assert!(share > 0.2 || !has_patch, "{share} of the light from side {nth}");
     }
 }
 

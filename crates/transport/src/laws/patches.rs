@@ -240,7 +240,7 @@ fn as_much_arrives_from_a_lamp_that_no_bake_knew_as_from_one_of_its_file() {
         let mut found = arriving_by_patches(&bake, &straight);
         for sample in 0..16 {
             let points = ArrivingPoints::new(&scene, camera, FILM, sample, &|| false).expect("nobody stops it");
-            let direct = points.irradiance(&scene, &lamps, &|| false).expect("nobody stops it");
+            let direct = points.irradiance(&scene, &lamps, None, &|| false).expect("nobody stops it");
             found.iter_mut().zip(direct.as_flattened()).for_each(|(sum, lux)| *sum += lux / 16.0);
         }
         let (off, share) = difference(&expected, &found);

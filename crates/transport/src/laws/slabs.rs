@@ -225,7 +225,7 @@ fn lamps_of_a_look_send_through_windows_what_lamps_of_the_file_send() {
     let lux = |shape: LampShape, aim: Vec3| {
         let free = FreeLamp { position: place, aim, strength: 7.0, ..lamp(shape) };
         let lamps = PreparedLamps::new(&[free], None).unwrap().0;
-        let arriving = lamps.irradiance(&scene, Vec3::ZERO, Vec3::Y);
+        let arriving = lamps.irradiance(&scene, Vec3::ZERO, Vec3::Y, None);
         let sample = PatchSample { position: Vec3::ZERO, normal: Vec3::Y, weight: 1.0, radius_m: 0.0, grazing: 0.0 };
         assert!(lamps.light_on(&scene, &sample).abs_diff_eq(arriving, 1e-3 * arriving.y), "patches get what arrives");
         f64::from(arriving.y)
@@ -251,7 +251,8 @@ fn parallel_light_of_a_look_brings_its_lux_however_wide_its_disk_is() {
         let lamps = PreparedLamps::new(&[lamp(LampShape::Directional { radius_rad })], None).unwrap().0;
         for (normal, most) in [(Vec3::Y, 1e-3), (Vec3::new(0.6, 0.8, 0.0), 0.015)] {
             let sample = PatchSample { position: Vec3::ZERO, normal, weight: 1.0, radius_m: 0.0, grazing: 0.0 };
-            let (arriving, on_patch) = (lamps.irradiance(&scene, Vec3::ZERO, normal), lamps.light_on(&scene, &sample));
+            let (arriving, on_patch) =
+                (lamps.irradiance(&scene, Vec3::ZERO, normal, None), lamps.light_on(&scene, &sample));
             for lux in [arriving, on_patch] {
                 assert!((lux - normal.y).abs().max_element() < most, "{radius_rad}, facing {normal}: {lux}");
             }

@@ -49,6 +49,16 @@ struct Extent {
     area_m2: f32,
 }
 
+/// Where light of a beam has arrived, and what patches get of it.
+struct Landed {
+    /// Where rays begin that leave the place, m.
+    origin: Vec3,
+    /// Unit geometric normal of the side that is lit.
+    outward: Vec3,
+    /// Irradiance of patches, lux per channel.
+    light: [(u32, Vec3); SHARING],
+}
+
 /// A patch never counts as smaller than this share of a disk of its radius.
 const LEAST_SHARE: f32 = 0.1;
 /// Radii within which a patch stands for all that is nearest to it, and beyond which it stands for nothing.
@@ -60,9 +70,10 @@ const SLAB: f32 = 0.05;
 const COVERED: f32 = 0.25;
 /// Rays from above each sample of a patch that tell its area.
 const PROBES: u32 = 64;
-/// Stream of random numbers that nobody else uses, and that of beams.
+/// Stream of random numbers that nobody else uses, that of beams, and that of what is seen of them.
 const AREA_STREAM: u64 = 16 << 58;
 const BEAM_STREAM: u64 = AREA_STREAM + (1 << 57);
+const SIGHT_STREAM: u64 = AREA_STREAM + (1 << 56);
 
 /// 0 up to the first bound, 1 from the second, smooth in between.
 pub(super) fn smoothly([from, to]: [f32; 2], x: f32) -> f32 {
@@ -127,12 +138,13 @@ impl Layout {
     }
 
     /// Adds the irradiance of beams to that of patches, as far as these are too near to the lamp, `apart` from each place so many
-    /// meters, for their samples to find it.
-    pub fn receive(
+    /// meters, for their samples to find it. A lamp within a body, of which no patch sees anything that it lights, gives nothing.
+    pub fn receive<'a>(
         &self,
         scene: &PreparedScene,
         beams: &[Beam],
         apart: impl Fn(Vec3) -> f32 + Sync,
+        samples_of: impl Fn(u32) -> &'a [PatchSample] + Sync,
         irradiance: &mut [Vec3],
     ) {
         let land = |(nth, beam): (usize, &Beam)| {
@@ -143,7 +155,8 @@ impl Layout {
             let dimmed = (hit.position.distance(beam.origin) / beam.least_m).min(1.0).powi(2);
             let flux = passed * beam.flux * dimmed;
             let (cos, apart_m) = (-beam.direction.dot(normal), apart(hit.position));
-            Some(self.around(hit.position, normal).map(|(patch, share)| {
+            let outward = hit.outward(-beam.direction);
+            let light = self.around(hit.position, normal).map(|(patch, share)| {
                 let Extent { radius_m, grazing, area_m2, .. } = self.extents[patch as usize];
                 let near = share * (1.0 - far_share(apart_m, radius_m));
                 if near > 0.0 {
@@ -152,12 +165,35 @@ impl Layout {
                 } else {
                     (patch, Vec3::ZERO)
                 }
-            }))
+            });
+            Some(Landed { origin: hit.origin(outward), outward, light })
         };
-        let landed: Vec<_> = beams.par_iter().enumerate().with_min_len(32).filter_map(land).collect();
-        for (patch, light) in landed.into_iter().flatten().filter(|(_, light)| light.is_finite()) {
+        let landed: Vec<Landed> = beams.par_iter().enumerate().with_min_len(32).filter_map(land).collect();
+        if !landed.par_iter().any(|landed| self.is_seen(scene, landed, &samples_of)) {
+            return;
+        }
+        let light = landed.into_iter().flat_map(|landed| landed.light);
+        for (patch, light) in light.filter(|(_, light)| light.is_finite()) {
             irradiance[patch as usize] += light;
         }
+    }
+
+    /// Whether what is above a place is seen from above one of the patches that get its light. Inside of a body that is so nowhere:
+    /// patches that lie behind its wall and look the same way are no part of the place.
+    fn is_seen<'a>(
+        &self,
+        scene: &PreparedScene,
+        landed: &Landed,
+        samples_of: &impl Fn(u32) -> &'a [PatchSample],
+    ) -> bool {
+        landed.light.iter().filter(|(_, light)| *light != Vec3::ZERO).any(|&(patch, _)| {
+            let (radius_m, mut sampler) = (self.extents[patch as usize].radius_m, Sampler::new(0, SIGHT_STREAM, patch));
+            let from = above(scene, (landed.origin, landed.outward), radius_m, &mut sampler);
+            samples_of(patch).iter().any(|sample| {
+                let eye = above(scene, (sample.position, sample.normal), radius_m, &mut sampler);
+                scene.transmittance(from, eye) != Vec3::ZERO
+            })
+        })
     }
 
     /// The patches that stand for a place, and their shares of its light: together 1 but where no patch reaches.
@@ -201,9 +237,7 @@ impl Layout {
         if radius_m <= 0.0 {
             return 0.0;
         }
-        let up = Ray { origin: sample.position, direction: sample.normal, t_min: 0.0, t_max: 2.0 * radius_m };
-        let free = scene.closest(&up, sampler).map_or(up.t_max, |hit| hit.t);
-        let eye = sample.position + sample.normal * (0.5 * free);
+        let eye = above(scene, (sample.position, sample.normal), radius_m, sampler);
         let middle = center.position + center.normal * center.height(sample.position);
         let (tangent, bitangent) = center.normal.any_orthonormal_pair();
         let reach_m = REACH[1] * radius_m;
@@ -234,6 +268,13 @@ impl Layout {
     }
 }
 
+/// The place so high above another one, along a unit vector, or half as high as the next surface.
+fn above(scene: &PreparedScene, (place, up): (Vec3, Vec3), height_m: f32, sampler: &mut Sampler) -> Vec3 {
+    let ray = Ray { origin: place, direction: up, t_min: 0.0, t_max: 2.0 * height_m };
+    let free = scene.closest(&ray, sampler).map_or(ray.t_max, |hit| hit.t);
+    place + up * (0.5 * free)
+}
+
 /// The first surface along a ray that scatters broadly, and what of the light passes clear panes and slabs before it, which shift
 /// it; `None` where light ends elsewhere.
 fn first_broad(scene: &PreparedScene, ray: &Ray, sampler: &mut Sampler) -> Option<(SurfaceHit, Vec3)> {
@@ -249,9 +290,9 @@ fn first_broad(scene: &PreparedScene, ray: &Ray, sampler: &mut Sampler) -> Optio
         };
         // The way to the glass is known to be free.
         let start = (ray.origin, hit.origin(hit.outward(-ray.direction)));
-        let (share, (_, origin)) = through_glass(scene, start, Vec3::ZERO, &route)?;
-        passed *= share;
-        ray.origin = origin;
+        let emerged = through_glass(scene, start, Vec3::ZERO, &route)?;
+        passed *= emerged.passed;
+        ray.origin = emerged.from;
     }
     None
 }

@@ -73,6 +73,18 @@ impl<P: LightPlan> Integrator<'_, P> {
     }
 }
 
+/// Where a route has left its last face.
+pub(crate) struct Emerged {
+    /// Share of light that comes through all of the glass.
+    pub passed: Vec3,
+    /// World space, m.
+    pub at: Vec3,
+    /// Where rays begin there.
+    pub from: Vec3,
+    /// How far that is off the face, m.
+    pub lifted_m: f32,
+}
+
 /// Share of light that comes along a route to a place and where its rays begin, through `extinction` before the first face,
 /// from `end`, else from `far` away; nothing where something is in the way, or the route misses a face.
 pub(crate) fn passed_along(
@@ -81,20 +93,20 @@ pub(crate) fn passed_along(
     extinction: Vec3,
     (route, end, far): (&Route, Option<Vec3>, f32),
 ) -> Vec3 {
-    through_glass(scene, start, extinction, route).map_or(Vec3::ZERO, |(passed, (at, from))| {
+    through_glass(scene, start, extinction, route).map_or(Vec3::ZERO, |Emerged { passed, at, from, .. }| {
         passed * scene.transmittance(from, end.unwrap_or(at + route.direction * far))
     })
 }
 
-/// Share of light that comes through the glass of a route, with the place where the last face is left and where rays begin there;
-/// `None` where something is in the way, or the route misses a face.
+/// What comes through the glass of a route, from a place and where its rays begin; `None` where something is in the way, or the route
+/// misses a face.
 pub(crate) fn through_glass(
     scene: &PreparedScene,
     (mut at, mut from): (Vec3, Vec3),
     mut extinction: Vec3,
     route: &Route,
-) -> Option<(Vec3, (Vec3, Vec3))> {
-    let mut passed = Vec3::ONE;
+) -> Option<Emerged> {
+    let (mut passed, mut lifted_m) = (Vec3::ONE, from.distance(at));
     for crossing in scene.slabs.crossings(route) {
         let (facet, uv) = Facet::with(crossing.facets, crossing.point)?;
         let place = facet.point(uv);
@@ -115,8 +127,9 @@ pub(crate) fn through_glass(
         passed *= refracted * kept(extinction, length);
         extinction = scene.extinction_behind(facet.triangle, direction.dot(facet.normal) > 0.0);
         (at, from) = (crossing.point, facet.origin(place, direction, scene.extent()));
+        lifted_m = from.distance(place);
     }
-    Some((passed, (at, from)))
+    Some(Emerged { passed, at, from, lifted_m })
 }
 
 /// Share of light that a medium leaves over a length, m.

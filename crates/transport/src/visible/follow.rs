@@ -7,6 +7,7 @@ use super::point::{Point, Special};
 use crate::bvh::Ray;
 use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
+use crate::slabs::most_in_a_row;
 
 /// A way that a viewer looks along.
 #[derive(Clone, Copy, Debug)]
@@ -18,6 +19,8 @@ pub(super) struct Trail {
     pub extinction: Vec3,
     /// Surfaces before it.
     depth: u32,
+    /// Those of them that count as bounces: all but clear panes that it went straight through.
+    turns: u32,
     /// Whether a narrow lobe has turned it: what it finds is light that was scattered once more.
     is_scattered: bool,
 }
@@ -55,7 +58,15 @@ const SHOWS: f32 = 0.1;
 
 impl Trail {
     pub fn from_camera(origin: Vec3, direction: Vec3) -> Trail {
-        Trail { origin, direction, throughput: Vec3::ONE, extinction: Vec3::ZERO, depth: 0, is_scattered: false }
+        Trail {
+            origin,
+            direction,
+            throughput: Vec3::ONE,
+            extinction: Vec3::ZERO,
+            depth: 0,
+            turns: 0,
+            is_scattered: false,
+        }
     }
 
     /// The next surface on the way.
@@ -74,10 +85,10 @@ impl Found {
     }
 
     /// Follows a ray of the camera from the first surface that it meets, if it does, and one direction of each surface's lobes
-    /// that are not wider than `narrow_alpha`.
+    /// that are not wider than `narrow_alpha`; only so far as light is scattered or bent `bounces` times after the first.
     pub fn follow(
         &mut self,
-        (scene, narrow_alpha): (&PreparedScene, f32),
+        (scene, narrow_alpha, bounces): (&PreparedScene, f32, u32),
         (first, met): (Trail, Option<SurfaceHit>),
         pixel: u32,
         mut sampler: Sampler,
@@ -99,9 +110,9 @@ impl Found {
                 trail.throughput *= (-trail.extinction * hit.t).exp();
             }
             if n_parts + (waiting.len() as u32) < MOST_PARTS {
-                self.meet((scene, narrow_alpha), &trail, &hit, pixel, sampler, &mut waiting);
+                self.meet((scene, narrow_alpha, bounces), &trail, &hit, pixel, sampler, &mut waiting);
             } else {
-                self.meet((scene, 0.0), &trail, &hit, pixel, sampler, &mut Vec::new());
+                self.meet((scene, 0.0, bounces), &trail, &hit, pixel, sampler, &mut Vec::new());
             }
         }
     }
@@ -109,7 +120,7 @@ impl Found {
     /// Takes a surface, and notes where a viewer looks on from there.
     fn meet(
         &mut self,
-        (scene, narrow_alpha): (&PreparedScene, f32),
+        (scene, narrow_alpha, bounces): (&PreparedScene, f32, u32),
         trail: &Trail,
         hit: &SurfaceHit,
         pixel: u32,
@@ -120,9 +131,10 @@ impl Found {
         let looks = scene.appearance(hit);
         let bsdf = scene.bsdf_of(hit, &looks, wo);
         let back = hit.normal.dot(trail.direction) >= 0.0;
-        if bsdf.has_smooth_lobes() {
+        if bsdf.has_smooth_lobes() && trail.turns <= bounces {
             let behind = scene.extinction_behind(hit.triangle, back);
-            let (seen, extinction) = ((pixel, trail.throughput), [trail.extinction, behind]);
+            let most_slabs = most_in_a_row(bounces - trail.turns);
+            let (seen, extinction) = ((pixel, trail.throughput, most_slabs), [trail.extinction, behind]);
             let point = Point::new(scene, (hit, &looks, &bsdf), wo, seen, extinction, &mut self.specials);
             let points = if trail.is_scattered { &mut self.shown } else { &mut self.points };
             points.push(point);
@@ -130,22 +142,30 @@ impl Found {
         if trail.depth >= MOST_SURFACES {
             return;
         }
-        let mut look = |wi: Vec3, share: Vec3, transmitted: bool, is_scattered: bool, sampler: &mut Sampler| {
-            let worth = if is_scattered { SHOWS } else { CARRIES };
-            let Some(throughput) = worth_it(trail.throughput * share, worth, sampler) else { return };
-            let inside = wi.dot(hit.normal) < 0.0;
-            let origin = hit.origin(if inside { -hit.normal } else { hit.normal });
-            let extinction =
-                if transmitted { scene.extinction_behind(hit.triangle, !inside) } else { trail.extinction };
-            waiting.push(Trail { origin, direction: wi, throughput, extinction, depth: trail.depth + 1, is_scattered });
-        };
+        let mut look =
+            |wi: Vec3, share: Vec3, transmitted: bool, (turns, is_scattered): (u32, bool), sampler: &mut Sampler| {
+                // Lamps are seen from the last surface that counts, nothing else.
+                if turns > bounces.saturating_add(1) {
+                    return;
+                }
+                let worth = if is_scattered { SHOWS } else { CARRIES };
+                let Some(throughput) = worth_it(trail.throughput * share, worth, sampler) else { return };
+                let inside = wi.dot(hit.normal) < 0.0;
+                let origin = hit.origin(if inside { -hit.normal } else { hit.normal });
+                let extinction =
+                    if transmitted { scene.extinction_behind(hit.triangle, !inside) } else { trail.extinction };
+                let depth = trail.depth + 1;
+                waiting.push(Trail { origin, direction: wi, throughput, extinction, depth, turns, is_scattered });
+            };
         for lobe in bsdf.deltas() {
-            look(lobe.wi, lobe.share, lobe.transmitted, trail.is_scattered, sampler);
+            let goes_on = lobe.transmitted && scene.is_clear_pane(hit.triangle);
+            let turns = trail.turns + u32::from(!goes_on);
+            look(lobe.wi, lobe.share, lobe.transmitted, (turns, trail.is_scattered), sampler);
         }
         if !trail.is_scattered && bsdf.has_narrow_lobe(narrow_alpha) {
             let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
             if let Some(sample) = bsdf.sample_narrow(u_lobe, u, narrow_alpha) {
-                look(sample.wi, sample.weight, sample.transmitted, true, sampler);
+                look(sample.wi, sample.weight, sample.transmitted, (trail.turns + 1, true), sampler);
             }
         }
     }

@@ -23,7 +23,8 @@ pub(super) struct Point {
     /// Geometric and shading normals on the viewer's side.
     ng: Octahedral,
     ns: Octahedral,
-    /// Base color, metallic, roughness, transmission and specular strength, each of 65535, and [`INSIDE`].
+    /// Base color, metallic, roughness, transmission and specular strength, each of 65535; [`INSIDE`], and from the next bit on how many
+    /// slabs light from a lamp may pass.
     surface: [u16; 8],
     /// Index of a material, or of a [`Special`] from [`SPECIAL`] on.
     material: u32,
@@ -56,7 +57,7 @@ impl Point {
         scene: &PreparedScene,
         (hit, looks, bsdf): (&SurfaceHit, &Appearance, &Bsdf),
         wo: Vec3,
-        (pixel, throughput): (u32, Vec3),
+        (pixel, throughput, most_slabs): (u32, Vec3, usize),
         extinction: [Vec3; 2],
         specials: &mut Vec<Special>,
     ) -> Point {
@@ -75,6 +76,7 @@ impl Point {
         let [r, g, b] = params.base_color.to_array().map(unit_u16);
         let [metallic, roughness, transmission, specular] =
             [params.metallic, params.roughness, params.transmission, params.specular].map(unit_u16);
+        let more = (most_slabs as u16) << 1 | if inside { INSIDE } else { 0 };
         Point {
             position: hit.position,
             clearance: hit.clearance,
@@ -83,7 +85,7 @@ impl Point {
             wo: Octahedral::new(wo),
             ng: side(hit.normal),
             ns: side(looks.ns),
-            surface: [r, g, b, metallic, roughness, transmission, specular, if inside { INSIDE } else { 0 }],
+            surface: [r, g, b, metallic, roughness, transmission, specular, more],
             material,
         }
     }
@@ -103,6 +105,12 @@ impl Point {
     #[inline]
     pub fn may_transmit(&self) -> bool {
         self.surface[5] != 0 || self.material >= SPECIAL
+    }
+
+    /// Most slabs that light from a lamp may pass, which count as bounces.
+    #[inline]
+    pub fn most_slabs(&self) -> usize {
+        usize::from(self.surface[7] >> 1)
     }
 
     /// Whether light from a direction may come to the viewer, given its normal.
@@ -140,7 +148,7 @@ impl Point {
         let ng = self.normal();
         let origin = self.origin(scene, ng);
         let is_left = self.may_transmit() || shortening(origin, scene.extent()) > 0.0;
-        let number = (group & 15) << 8 | (nth & 15) << 4 | u32::from(is_left);
+        let number = (self.most_slabs() as u32) << 12 | (group & 15) << 8 | (nth & 15) << 4 | u32::from(is_left);
         let Vec3 { x, y, z } = self.throughput;
         let [x, y, z] = [x, y, z].map(f32::to_bits);
         let mut looks = [[0; 4]; 2];

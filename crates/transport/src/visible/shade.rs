@@ -4,9 +4,10 @@ use glam::{Vec2, Vec3};
 
 use super::Band;
 use super::point::{Point, Special};
+use crate::clearance::is_told_apart;
 use crate::lamps::{BodyPoint, Lit, PreparedLamp, PreparedLamps, Through, Way, lattice};
 use crate::light::luminance;
-use crate::path::through_glass;
+use crate::path::{Emerged, through_glass};
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 use crate::stop::Halt;
@@ -30,6 +31,8 @@ struct LastLeg {
     /// From the glass to the lamp, or far toward it.
     from: Vec3,
     to: Vec3,
+    /// How far off the glass it begins, m.
+    lifted_m: f32,
     /// Share of light that comes through the glass.
     passed: Vec3,
     /// What the lamp sends along the way.
@@ -95,6 +98,7 @@ impl<'a> Shading<'a> {
             let may_send = |wi| point.may_send(point.normal(), wi);
             let through = || lamp.lamp.through(slabs, from, spread(u, nth), may_send);
             let Through { first: slab, way } = if is_beside_slabs { Through::default() } else { through() };
+            let way = way.filter(|way| way.route.slabs().len() <= point.most_slabs());
             let sent = way.and_then(|way| Some((self.sent_along(point, lamp, spread(u, nth), &way)?, way)));
             if let Some((lit, way)) = sent {
                 n_rays += 1;
@@ -112,11 +116,14 @@ impl<'a> Shading<'a> {
             let ng = point.normal();
             let Some(value) = self.arriving((point, specials), ng, lamp, &lit) else { continue };
             n_rays += 1;
-            if lit.wi.dot(ng) > 0.0 && shared.is_some() {
-                fan.push(point.origin(self.scene, ng), value, at as u32);
+            let is_above = lit.wi.dot(ng) > 0.0;
+            let side = if is_above { ng } else { -ng };
+            let origin = point.origin(self.scene, side);
+            let lifted_m = (origin - point.position).dot(side);
+            if is_above && shared.is_some() && is_told_apart(lifted_m, origin.distance(lit.target)) {
+                fan.push(origin, value, at as u32);
             } else {
-                let side = if lit.wi.dot(ng) > 0.0 { ng } else { -ng };
-                pixels[at] += value * self.scene.transmittance(point.origin(self.scene, side), lit.target);
+                pixels[at] += value * self.scene.transmittance(origin, lit.target);
             }
         }
         if let Some(BodyPoint { position, .. }) = shared.filter(|_| fan.n > 0) {
@@ -173,9 +180,9 @@ impl<'a> Shading<'a> {
             point.special(specials).map_or(Vec3::ZERO, |special| special.extinction_towards(ng, route.direction));
         let outward = if route.direction.dot(ng) > 0.0 { ng } else { -ng };
         let start = (point.position, point.origin(self.scene, outward));
-        let (passed, (at, from)) = through_glass(self.scene, start, extinction, route)?;
+        let Emerged { passed, at, from, lifted_m } = through_glass(self.scene, start, extinction, route)?;
         let to = way.end.unwrap_or(at + route.direction * self.far);
-        Some(LastLeg { nth, from, to, passed, lit })
+        Some(LastLeg { nth, from, to, lifted_m, passed, lit })
     }
 
     /// Adds the light of those ways to points of a group whose last leg is free.
@@ -201,7 +208,9 @@ impl<'a> Shading<'a> {
     /// Share of light that passes along each of some last legs.
     fn behind_glass(&self, lamp: &PreparedLamp, legs: &[LastLeg]) -> [Vec3; GROUP] {
         let mut passed = [Vec3::ZERO; GROUP];
-        if let Some(leg) = legs.first().filter(|_| !lamp.lamp.has_size() && !lamp.lamp.is_beyond()) {
+        let is_told = |leg: &LastLeg| is_told_apart(leg.lifted_m, leg.from.distance(leg.to));
+        let is_fan = || !lamp.lamp.has_size() && !lamp.lamp.is_beyond() && legs.iter().all(is_told);
+        if let Some(leg) = legs.first().filter(|_| is_fan()) {
             // All end at the same point.
             let mut places = [Vec3::ZERO; GROUP];
             places.iter_mut().zip(legs).for_each(|(place, leg)| *place = leg.from);

@@ -18,7 +18,7 @@ use crate::trace::{TraceConfig, trace};
 
 const FILM: Film = Film { width: 48, height: 32 };
 const WIDE: Film = Film { width: 48, height: 16 };
-const SIXTEEN: VisibleConfig = VisibleConfig { samples: 16, seed: 0, first: 0, narrow_alpha: 0.0 };
+const SIXTEEN: VisibleConfig = VisibleConfig { samples: 16, seed: 0, first: 0, narrow_alpha: 0.0, bounces: None };
 /// Side of the blocks of pixels whose means are compared.
 const BLOCK: u32 = 8;
 const ALBEDO: f32 = 0.5;
@@ -270,6 +270,34 @@ fn direct_light_through_a_solid_pane_is_that_of_walks() {
 }
 
 #[test]
+fn faces_of_solid_panes_and_mirrors_count_as_bounces() {
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 0.6, 1.2), Vec3::ZERO, 0.8, 1.5);
+    let floor = quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0);
+    let window = block(Vec3::new(0.0, 1.1, 0.0), Vec3::new(8.0, 0.125, 8.0), Quat::IDENTITY);
+    let stage = Stage::new(camera).surface("floor", &floor, lambert(ALBEDO, 0.0)).surface("window", &window, glass());
+    let (covered, mirrored) = (stage.prepared(), metal_before_a_floor(0.0).prepared());
+    let seen = |scene: &PreparedScene, lamps: &PreparedLamps, bounces: Option<u32>| {
+        live_by(scene, lamps, WIDE, 1, VisibleConfig { bounces, ..SIXTEEN })
+    };
+    let is_dark = |picture: &[[f32; 3]]| picture.iter().all(|rgb| *rgb == [0.0; 3]);
+    for lamp in shapes() {
+        let what = format!("{:?}", lamp.shape);
+        let lamps = prepared(&[FreeLamp { position: Vec3::new(0.3, 1.9, 0.2), aim: Vec3::ZERO, ..lamp }]);
+        let lux = |bounces| lamps.irradiance(&covered, Vec3::ZERO, Vec3::Y, bounces).y;
+        let all = seen(&covered, &lamps, None);
+        assert!(!is_dark(&all) && lux(None) > 0.0, "{what}");
+        assert!(seen(&covered, &lamps, Some(2)) == all && lux(Some(2)) == lux(None), "{what}: two faces, two bounces");
+        for few in [0, 1] {
+            assert!(is_dark(&seen(&covered, &lamps, Some(few))) && lux(Some(few)) == 0.0, "{what}: {few} bounces");
+        }
+    }
+    let lamps = prepared(&[FreeLamp { position: Vec3::new(0.3, 1.6, 1.0), ..shapes()[0].clone() }]);
+    let all = seen(&mirrored, &lamps, None);
+    assert!(!is_dark(&all) && seen(&mirrored, &lamps, Some(1)) == all, "the mirror is one bounce");
+    assert!(is_dark(&seen(&mirrored, &lamps, Some(0))), "it shows no lit floor without one");
+}
+
+#[test]
 fn a_card_behind_a_solid_pane_hides_a_point_lamp_from_each_place_by_itself() {
     let camera = Camera::look_at("eye", Vec3::new(0.0, 0.6, 1.2), Vec3::Z * 0.4, 0.6, 1.5);
     let floor = quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0);
@@ -283,7 +311,7 @@ fn a_card_behind_a_solid_pane_hides_a_point_lamp_from_each_place_by_itself() {
     let picture = points.direct(&scene, &lamps, 0, &never).expect("nobody stops it");
     let (mut n, mut n_different) = ([0; 2], 0);
     for point in points.bands.iter().flatten().flat_map(|band| &band.found.points) {
-        let expected = lamps.irradiance(&scene, point.position, Vec3::Y).y * ALBEDO / PI;
+        let expected = lamps.irradiance(&scene, point.position, Vec3::Y, None).y * ALBEDO / PI;
         let found = picture[point.pixel as usize][1];
         n[usize::from(expected > 0.0)] += 1;
         n_different += usize::from((found - expected).abs() > 1e-3 * expected);
@@ -340,6 +368,35 @@ fn a_point_lamp_over_a_floor_follows_cosine_and_inverse_square() {
     }
 }
 
+#[test]
+fn lamps_far_away_light_a_floor_as_cosine_and_inverse_square_have_it() {
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 0.8, 0.0), Vec3::ZERO, 1.0, 1.0);
+    let floor = quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0);
+    let pane = block(Vec3::Y, Vec3::new(8.0, 0.01, 8.0), Quat::IDENTITY);
+    let stage = || Stage::new(camera.clone()).surface("floor", &floor, lambert(ALBEDO, 0.0));
+    // Each face of the pane mirrors 4 % of what comes straight at it.
+    let scenes = [(stage().prepared(), 1.0), (stage().surface("pane", &pane, glass()).prepared(), 0.96 * 0.96)];
+    let film = Film { width: 16, height: 16 };
+    for shape in [LampShape::Point, LampShape::Rectangle { size_m: [1.0; 2] }, LampShape::Disk { radius_m: 0.5 }] {
+        for (meters, aside) in [(200.0, 1.0), (1e3, 0.0), (1e3, 1.0), (5e4, 1.0)] {
+            let at = Vec3::new(aside * meters, meters, 0.0);
+            let candela = 100.0 * meters * meters;
+            let lamps =
+                prepared(&[FreeLamp { aim: Vec3::ZERO, ..lamp(shape.clone(), at, candela, LampUnit::Candela) }]);
+            let lux = candela * at.normalize().y / at.length_squared();
+            for (scene, passed) in scenes.iter().filter(|(_, passed)| *passed == 1.0 || aside == 0.0) {
+                let picture = live(scene, &lamps, film, 4, 1);
+                let expected = lux * ALBEDO / PI * passed;
+                let mean = picture.iter().map(|rgb| rgb[1]).sum::<f32>() / film.n_pixels() as f32;
+                let what = format!("{shape:?} {meters} m up, {passed} of it passed");
+                assert!((mean / expected - 1.0).abs() < 5e-3, "{what}: {mean} is not {expected}");
+                let n_dark = picture.iter().filter(|rgb| rgb[1] < 0.9 * expected).count();
+                assert_eq!(n_dark, 0, "{what}: pixels in the shadow of their own floor");
+            }
+        }
+    }
+}
+
 /// How far a place is from the nearest surface of the room, m.
 fn clear_m(place: Vec3) -> f32 {
     let floor = [Vec3::new(-3.0, 0.0, -3.0), Vec3::new(3.0, 0.0, 3.0)];
@@ -376,7 +433,7 @@ fn assert_no_flash(scene: &PreparedScene, lamp: &FreeLamp) {
     for value in picture.as_flattened() {
         assert!((0.0..=most).contains(value), "{what}: {value} nit where there can be {most}");
     }
-    let arriving = lamps.irradiance(scene, Vec3::ZERO, Vec3::Y);
+    let arriving = lamps.irradiance(scene, Vec3::ZERO, Vec3::Y, None);
     assert!(arriving.min_element() >= 0.0 && arriving.max_element() <= lux, "{what}: {arriving} lx of {lux}");
 }
 

@@ -13,7 +13,8 @@ use crate::prepared::PreparedScene;
 pub struct SampleWords {
     /// Where the points of each pixel begin, row by row, and the number of points.
     pub starts: Vec<u32>,
-    /// Four rows for each point: place and throughput, its number among those of its tile, directions, and looks.
+    /// Four rows for each point: place and throughput, its number among those of its tile with how many slabs light may pass, directions,
+    /// and looks.
     pub points: Vec<[u32; 4]>,
 }
 

@@ -378,7 +378,8 @@ impl Bench {
             return Some(());
         }
         let narrow_alpha = view.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
-        let config = VisibleConfig { samples: 1, first: sample as u32, narrow_alpha, ..VisibleConfig::default() };
+        let (first, bounces) = (sample as u32, view.bounces);
+        let config = VisibleConfig { samples: 1, first, narrow_alpha, bounces, ..VisibleConfig::default() };
         self.spare = None;
         let points = VisiblePoints::new(&view.scene, &view.camera, view.film, config, stop)?;
         if sample == self.points.len() && sample < self.n_samples {
@@ -410,7 +411,8 @@ impl Bench {
         if sample as usize >= self.arriving.len() {
             self.arriving.push(ArrivingPoints::new(&view.scene, &view.camera, view.film, sample, stop)?);
         }
-        add_pass(&mut lit.arriving, self.arriving[sample as usize].irradiance(&view.scene, &lit.prepared, stop)?);
+        let points = &self.arriving[sample as usize];
+        add_pass(&mut lit.arriving, points.irradiance(&view.scene, &lit.prepared, view.bounces, stop)?);
         lit.n_arriving += 1;
         Some(())
     }

@@ -111,7 +111,7 @@ mod tests {
     fn view_of(scene: Scene) -> LampView {
         let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
         let camera = scene.scene.cameras[0].clone();
-        LampView { scene, camera, film: FILM, patches: None, measures: false, device: None }
+        LampView { scene, camera, film: FILM, patches: None, measures: false, bounces: None, device: None }
     }
 
     /// The test room with a card of which half is there, a clear pane, and a table with bumps.
@@ -477,6 +477,21 @@ mod tests {
                 assert!(n_left < FILM.n_pixels() / 4, "{what}: {n_left} pixels are left to the CPU");
                 // Only what lies behind the panes is seen, so that the light of the other side comes through them.
                 assert!(n_lit > FILM.n_pixels() / 5 || side == 0, "{what}: {n_lit} pixels are lit by the device");
+            }
+        }
+    }
+
+    #[test]
+    fn every_device_counts_faces_of_solid_panes_as_bounces() {
+        let gpus = Gpu::all_headless(DeviceChoice::Any);
+        assert!(!gpus.is_empty() || !is_required(), "no adapter");
+        let (view, [behind, before]) = (glazed(), [Vec3::new(0.1, 0.2, -0.6), Vec3::new(-0.2, 0.1, 0.6)]);
+        for (gpu, bounces) in gpus.iter().flat_map(|gpu| [2, 3, 4, 6].map(|bounces| (gpu, bounces))) {
+            let config = VisibleConfig { samples: 1, bounces: Some(bounces), ..VisibleConfig::default() };
+            let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
+            let mut device = LampDevice::new(gpu, &view).unwrap();
+            for (nth, lamp) in lamps(before, behind).iter().enumerate() {
+                assert_as_cpu(&mut device, &points, lamp, 0, &format!("lamp {nth}, {bounces} bounces"));
             }
         }
     }

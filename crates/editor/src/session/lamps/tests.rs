@@ -23,7 +23,7 @@ pub(crate) fn view() -> Arc<LampView> {
 fn view_of(scene: Scene) -> Arc<LampView> {
     let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
     let camera = scene.scene.cameras[0].clone();
-    Arc::new(LampView { scene, camera, film: FILM, patches: None, measures: true, device: None })
+    Arc::new(LampView { scene, camera, film: FILM, patches: None, measures: true, bounces: None, device: None })
 }
 
 /// What the pixels of a view see in so many samples.

@@ -161,7 +161,7 @@ fn a_rectangle_whose_aim_is_dragged_around_straight_below_lights_the_floor_witho
     let lux = |of: &FreeLamp| {
         let lamps = PreparedLamps::new(std::slice::from_ref(of), None).unwrap().0;
         let places = [Vec3::new(0.5, -1.0, -0.4), Vec3::new(0.0, -1.0, 0.1), Vec3::new(0.4, -1.0, 0.0)];
-        places.map(|place| lamps.irradiance(&scene, place, Vec3::Y).y)
+        places.map(|place| lamps.irradiance(&scene, place, Vec3::Y, None).y)
     };
     let mut drag = Drag::begin(&sight, &of, Part::Aim, sight.seen_at(of.aim).unwrap());
     for step in 0..60 {

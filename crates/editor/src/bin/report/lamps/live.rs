@@ -26,7 +26,8 @@ impl View<'_> {
     /// None that is known: only who asks for a stop gets no light.
     pub fn live(&self, lamps: &[&PreparedLamps], seed: u64, narrow_alpha: f32) -> Result<Vec<Vec<f32>>> {
         let firsts: Vec<u32> = (0..self.n_samples).step_by(CHUNK as usize).collect();
-        let chunk = |first: &u32| self.chunk(lamps, VisibleConfig { seed, narrow_alpha, first: *first, samples: 0 });
+        let config = |first: u32| VisibleConfig { seed, narrow_alpha, first, ..VisibleConfig::default() };
+        let chunk = |first: &u32| self.chunk(lamps, config(*first));
         let chunks: Vec<Vec<Vec<f64>>> = firsts.par_iter().map(chunk).collect::<Result<_>>()?;
         let mean = |nth: usize| {
             let of_pixel = |at: usize| chunks.iter().map(|chunk| chunk[nth][at]).sum::<f64>();

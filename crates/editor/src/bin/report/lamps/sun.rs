@@ -57,7 +57,7 @@ mod tests {
                 glaze(&mut scene).unwrap();
             }
             let scene = PreparedScene::new(scene, &[]).unwrap().0;
-            sun.irradiance(&scene, place, (WINDOW - place).normalize()).y
+            sun.irradiance(&scene, place, (WINDOW - place).normalize(), None).y
         };
         assert_eq!(lux(false), 0.0);
         let through_glass = lux(true);

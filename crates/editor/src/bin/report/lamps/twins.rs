@@ -158,7 +158,7 @@ mod tests {
         let names: Vec<&str> = twins[4..].iter().map(|twin| twin.key.as_str()).collect();
         assert_eq!(names, [POINT, SUN]);
         // Both light what is seen: the sun falls onto the rug and the floor beside it.
-        let lux = |twin: &Twin, at: Vec3| twin.free.irradiance(&scene, at, Vec3::Y).max_element();
+        let lux = |twin: &Twin, at: Vec3| twin.free.irradiance(&scene, at, Vec3::Y, None).max_element();
         assert!(lux(&twins[4], POINT_AT - Vec3::Y) > 0.5 * POINT_CD);
         assert!(lux(&twins[5], Vec3::new(0.0, 0.6, -0.9)) > 0.2 * sun::LUX);
     }

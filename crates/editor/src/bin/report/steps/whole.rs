@@ -70,6 +70,7 @@ impl Window {
             film: shown.film(),
             patches: shown.patches().cloned(),
             measures: false,
+            bounces: bake.header.config.bounces,
             device: device.cloned(),
         };
         Ok(Window {
