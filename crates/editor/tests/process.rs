@@ -726,6 +726,36 @@ fn no_output_takes_the_place_of_a_file_that_the_scene_or_the_wishes_name() {
 }
 
 #[test]
+fn an_output_takes_the_place_of_no_file_of_another_kind() {
+    let folder = desk();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::create_dir(path("stage")).unwrap();
+    image::RgbImage::from_pixel(8, 6, image::Rgb([90, 80, 70])).save(path("stage/warm.png")).unwrap();
+    std::fs::write(path("w.json"), r#"{"wishes": [{"times": 2}]}"#).unwrap();
+    succeeds(folder.path(), "bake room.gltf --size 8x6 --spp 1 -o room.transport");
+    let others = ["s.glb", "s.transport", "s.look", "p.exr", "p.JPG", "x.t"];
+    others.iter().for_each(|name| std::fs::write(path(name), "old").unwrap());
+    for (line, own) in [
+        ("sensors room.transport -o s.glb", "csv"),
+        ("schedule room.transport -o s.glb", "csv"),
+        ("schedule room.gltf -o s.transport", "csv"),
+        ("solve room.transport --wishes w.json -o s.glb", "look"),
+        ("solve room.transport --wishes w.json -o p.JPG", "look"),
+        ("bake room.gltf --size 8x6 --spp 1 -o p.exr", "transport"),
+        ("bake room.gltf --size 8x6 --spp 1 -o s.look", "transport"),
+        ("bake --images stage -o s.glb --fresh", "transport"),
+    ] {
+        let output = run(folder.path(), line);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{line}: {said}");
+        assert!(said.contains(&format!("is no .{own} file")), "{line}: {said}");
+    }
+    others.iter().for_each(|name| assert_eq!(std::fs::read(path(name)).unwrap(), b"old", "{name}"));
+    succeeds(folder.path(), "schedule room.gltf -o x.t");
+    assert_ne!(std::fs::read(path("x.t")).unwrap(), b"old");
+}
+
+#[test]
 fn frames_without_a_display_take_the_place_of_no_picture_that_they_are_made_of() {
     let folder = desk();
     let frames = folder.path().join("frames");
