@@ -59,6 +59,20 @@ fn a_scene_whose_lights_are_as_they_were_is_written_as_it_was() {
     assert!(n_files >= 5, "{n_files} files");
 }
 
+#[test]
+fn light_beyond_all_numbers_is_refused() {
+    let room = include_bytes!("../../tests/room.gltf");
+    let (scene, _) = PreparedScene::new(import::load_bytes("room", room).unwrap().scene, &[]).unwrap();
+    let mut look = Look::default();
+    look.lights.lights.insert("lamp".into(), LightSetting { intensity: f32::MAX, ..LightSetting::default() });
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.glb");
+    let lit = Lit { bytes: room, folder: None, scene: &scene, look: &look };
+    let said = lit.save(&out).unwrap_err().to_string();
+    assert!(said.contains("the light of `lamp` is no finite number"), "{said}");
+    assert!(!out.exists());
+}
+
 /// A setting for each light, none like the other.
 fn set_all(scene: &PreparedScene) -> Look {
     let mut look = Look::default();
