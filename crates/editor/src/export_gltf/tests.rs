@@ -555,6 +555,21 @@ fn what_a_gltf_refers_to_comes_along_and_nothing_else_is_overwritten() {
 }
 
 #[test]
+fn of_a_gltf_that_cannot_be_written_nothing_stays() {
+    let (_folder, [from, to]) = two_folders();
+    for (folder, content) in [(&from, b"one"), (&to, b"two")] {
+        std::fs::write(folder.join("a.png"), content).unwrap();
+    }
+    let bytes = br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": "data/a%20b.bin"}],
+        "images": [{"uri": "a.png"}]}"#;
+    let (source, document) = (Container::split(bytes).unwrap(), Document::parse(bytes).unwrap());
+    let refused = container::save(&source, document, Kind::Gltf, Some(&from), &to.join("out.gltf"));
+    assert!(refused.unwrap_err().to_string().contains("a.png is there already"));
+    assert!(!to.join("data/a b.bin").exists() && !to.join("out.gltf").exists());
+    assert_eq!(std::fs::read(to.join("a.png")).unwrap(), b"two");
+}
+
+#[test]
 fn what_a_gltf_names_as_windows_does_comes_along() {
     let (_folder, [from, to]) = two_folders();
     let bytes = br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": "Data\\A%20b.bin"}]}"#;
