@@ -4,6 +4,7 @@
 //! program that baked. Bakes of the same grounds have columns in common. What was used longest ago goes first when the folder
 //! grows over its limit.
 
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -26,6 +27,10 @@ const PART: &str = "part";
 const MOST_RELATIVES: usize = 2;
 /// Ending of an entry that could not be read.
 const DAMAGED: &str = "damaged";
+/// Hexadecimal digits of the grounds of a bake in its name.
+const GROUNDS_DIGITS: usize = 16;
+/// Hexadecimal digits of its key there.
+const KEY_DIGITS: usize = 32;
 
 /// A folder of finished bakes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -208,11 +213,8 @@ impl BakeCache {
         let mut entries = Vec::new();
         for file in listed.flatten() {
             let path = file.path();
-            let is_kept =
-                path.extension().is_some_and(|ending| ending == ENDING || ending == DAMAGED || ending == PART);
-            let is_ours = is_kept || beside::is_left_over(&path);
             // A file that another editor removes in between is no entry.
-            if let (true, Ok(of)) = (is_ours, file.metadata()) {
+            if let (true, Ok(of)) = (is_ours(&path), file.metadata()) {
                 let used_at = of.modified().unwrap_or(SystemTime::UNIX_EPOCH);
                 entries.push(Entry { path, bytes: of.len(), used_at });
             }
@@ -229,6 +231,25 @@ struct Entry {
     path: PathBuf,
     bytes: u64,
     used_at: SystemTime,
+}
+
+/// Whether a file is a bake that a cache keeps, one that is under way or was set aside, or what is left of writing one. Whatever else
+/// lies in the folder is its user's.
+fn is_ours(path: &Path) -> bool {
+    let Some(name) = path.file_name().and_then(OsStr::to_str) else { return false };
+    if let Some(name) = name.strip_prefix('.') {
+        return is_of_bake(name) && beside::is_left_over(path);
+    }
+    is_of_bake(name) && path.extension().is_some_and(|ending| ending == ENDING || ending == DAMAGED || ending == PART)
+}
+
+/// Whether a name begins with grounds and key and goes on with a program, as [`BakeCache::place`] puts them.
+fn is_of_bake(name: &str) -> bool {
+    let is_hash = |part: &str, digits: usize| part.len() == digits && part.bytes().all(|b| b.is_ascii_hexdigit());
+    match *name.splitn(3, '-').collect::<Vec<_>>() {
+        [grounds, key, _program] => is_hash(grounds, GROUNDS_DIGITS) && is_hash(key, KEY_DIGITS),
+        _ => false,
+    }
 }
 
 /// What stands behind the key in the name of a bake: the program and the ending.
@@ -416,6 +437,33 @@ mod tests {
         assert_eq!(cache.usage().unwrap(), Usage { bakes: 0, bytes: 100 });
         cache.clear().unwrap();
         assert!(!left.exists());
+    }
+
+    #[test]
+    fn files_of_the_user_in_its_folder_are_neither_counted_nor_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let [roomy, tiny] = [1 << 20, 10].map(|limit| BakeCache::new(folder.path().into(), limit));
+        let hash = "0123456789abcdef";
+        let names = [
+            "mine.transport".to_owned(),
+            "a-b-c.transport".into(),
+            format!("{hash}-{hash}-c.transport"),
+            format!("{hash}-{hash}{hash}.transport"),
+            "mine.transport.part".into(),
+            "mine.damaged".into(),
+            ".mine.png.1-0.tmp".into(),
+        ];
+        names.iter().for_each(|name| fs::write(folder.path().join(name), [0; 100]).unwrap());
+        assert_eq!(roomy.usage().unwrap(), Usage { bakes: 0, bytes: 0 });
+        // Its own go, in all their forms.
+        let kept = roomy.place(&job(1)).0;
+        let own = [kept.clone(), kept.with_extension("transport.part"), kept.with_extension(DAMAGED)];
+        own.iter().for_each(|path| fs::write(path, [0; 100]).unwrap());
+        assert_eq!(roomy.usage().unwrap(), Usage { bakes: 1, bytes: 300 });
+        assert_eq!(roomy.clear().unwrap(), Usage { bakes: 1, bytes: 300 });
+        assert!(own.iter().all(|path| !path.exists()));
+        assert!(!tiny.keep(&tiny.place(&job(1)), &baked(&job(1))).unwrap());
+        assert!(names.iter().all(|name| folder.path().join(name).exists()));
     }
 
     #[test]

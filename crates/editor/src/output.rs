@@ -1,43 +1,77 @@
 //! Files that appear whole or not at all: written beside their place under a temporary name, then renamed.
 
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use clerestory_transport::archive::beside::temporary;
+use clerestory_transport::archive::beside::{followed, temporary};
+
+/// Endings of files that tell what they hold: scenes and what they are made of, pictures, profiles of lamps, bakes, looks, wishes and
+/// tables.
+const KNOWN_ENDINGS: [&str; 17] = [
+    "gltf",
+    "glb",
+    "bin",
+    "exr",
+    "hdr",
+    "png",
+    "jpg",
+    "jpeg",
+    "webp",
+    "ktx2",
+    "ies",
+    "ldt",
+    "transport",
+    "part",
+    "look",
+    "json",
+    "csv",
+];
 
 /// A file on its way: the place is known to be writable, nothing is there yet. Dropped before
 /// [`PendingFile::commit`] it leaves nothing behind.
 #[derive(Debug)]
 pub struct PendingFile {
     path: PathBuf,
+    /// What the path leads to where it is a symbolic link, else the path itself.
+    target: PathBuf,
     temporary: PathBuf,
     file: Option<File>,
 }
 
 impl PendingFile {
-    /// Reserves a place; what stands there stays until [`PendingFile::commit`].
+    /// Reserves a place; what stands there stays until [`PendingFile::commit`]. Where the path is a symbolic link, the place is what it
+    /// leads to.
     ///
     /// # Errors
-    /// If the folder is missing or not writable, a folder stands in the way, or `-` is named, which elsewhere means stdout.
+    /// If the folder is missing or not writable, the name is too long, a folder or a file of another kind behind a link stands in the
+    /// way, or `-` is named, which elsewhere means stdout.
     pub fn create(path: &Path) -> Result<PendingFile> {
         if path.as_os_str() == "-" {
             bail!("cannot write to stdout, as - means elsewhere; name a file (./- for one that is called -)");
         }
-        if path.file_name().is_none() || ends_in_separator(path) {
+        let target = followed(path).with_context(|| format!("cannot write {}", path.display()))?;
+        if target.file_name().is_none() || ends_in_separator(&target) {
             bail!("cannot write {}: it names no file; add a file name", path.display());
         }
         if path.is_dir() {
             bail!("cannot write {}: it is a folder; add a file name", path.display());
         }
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if target != path {
+            spare_others(path, &[ending_of(path).as_str()])?;
+        }
+        let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if !folder.is_dir() {
             bail!("cannot write {}: the folder {} does not exist; create it first", path.display(), folder.display());
         }
-        let (temporary, file) = temporary(path)
+        // The temporary name is short.
+        if target.symlink_metadata().is_err_and(|error| error.kind() == ErrorKind::InvalidFilename) {
+            bail!("cannot write {}: its name is too long for the system; give a shorter one", path.display());
+        }
+        let (temporary, file) = temporary(&target)
             .with_context(|| format!("cannot write {}: choose a folder that can be written", path.display()))?;
-        Ok(PendingFile { path: path.to_path_buf(), temporary, file: Some(file) })
+        Ok(PendingFile { path: path.to_path_buf(), target, temporary, file: Some(file) })
     }
 
     /// Writes the contents through `write` and puts the file in its place.
@@ -53,7 +87,7 @@ impl PendingFile {
             let file = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
             file.sync_all()?;
             drop(file);
-            fs::rename(&self.temporary, &self.path)
+            fs::rename(&self.temporary, &self.target)
         })();
         kept.map_err(|error| unwritten(&path, error.into()))
     }
@@ -101,8 +135,38 @@ pub fn spare_inputs<'a>(output: &Path, inputs: impl IntoIterator<Item = (&'stati
     Ok(())
 }
 
+/// Refuses an output that is there already and of another kind than what is written, by its ending or that of the file which a link
+/// leads to: a slip of the finger costs no scene and no picture. `own` are the endings of what is written, without the dot. Files with
+/// endings that nothing is known by are replaced.
+///
+/// # Errors
+/// Names the file and the endings.
+pub fn spare_others(output: &Path, own: &[&str]) -> Result<()> {
+    // A link that leads nowhere leads to no other file.
+    let behind = followed(output).unwrap_or_else(|_| output.to_path_buf());
+    for place in [output, behind.as_path()] {
+        let ending = ending_of(place);
+        let is_other = KNOWN_ENDINGS.contains(&ending.as_str()) && !own.contains(&ending.as_str());
+        if is_other && place.is_file() {
+            let own: Vec<String> = own.iter().map(|ending| format!(".{ending}")).collect();
+            bail!(
+                "cannot write {}: {} is there already and is no {} file; give the output another name",
+                output.display(),
+                place.display(),
+                own.join(" or ")
+            );
+        }
+    }
+    Ok(())
+}
+
+/// The ending of a name in small letters, without the dot.
+fn ending_of(path: &Path) -> String {
+    path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
 /// Whether two paths lead to one file, through links of either kind; false where there is none.
-fn is_same_file(a: &Path, b: &Path) -> bool {
+pub fn is_same_file(a: &Path, b: &Path) -> bool {
     if let (Ok(a), Ok(b)) = (a.canonicalize(), b.canonicalize())
         && a == b
     {
@@ -173,6 +237,60 @@ mod tests {
             spare_inputs(&free, [("scene", input.as_path())]).unwrap();
         }
         spare_inputs(&input, [("look", folder.path().join("none.look").as_path())]).unwrap();
+    }
+
+    #[test]
+    fn a_file_of_another_kind_is_spared_and_one_of_no_known_kind_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in ["a.glb", "a.PNG", "a.csv", "a.CSV", "a.dat", "a"] {
+            fs::write(at(name), b"old").unwrap();
+        }
+        for name in ["a.glb", "a.PNG"] {
+            let said = spare_others(&at(name), &["csv"]).unwrap_err().to_string();
+            assert!(said.contains(name) && said.contains("is no .csv file"), "{said}");
+        }
+        for name in ["a.csv", "a.CSV", "a.dat", "a", "none.glb"] {
+            spare_others(&at(name), &["csv"]).unwrap();
+        }
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink("a.glb", at("link.csv")).unwrap();
+            let said = PendingFile::create(&at("link.csv")).unwrap_err().to_string();
+            assert!(said.contains("a.glb is there already"), "{said}");
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_a_link_leads_to_is_written_and_keeps_its_permissions() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let (link, target) = (folder.path().join("a.look"), folder.path().join("big/b.look"));
+        symlink("big/b.look", &link).unwrap();
+        let missing = PendingFile::create(&link).unwrap_err().to_string();
+        assert!(missing.contains("big does not exist"), "{missing}");
+        fs::create_dir(folder.path().join("big")).unwrap();
+        write_whole(&link, b"first").unwrap();
+        assert_eq!((fs::read(&target).unwrap(), link.is_symlink()), (b"first".to_vec(), true));
+        fs::set_permissions(&target, fs::Permissions::from_mode(0o600)).unwrap();
+        write_whole(&link, b"second").unwrap();
+        assert_eq!((fs::read(&target).unwrap(), link.is_symlink()), (b"second".to_vec(), true));
+        assert_eq!(fs::metadata(&target).unwrap().permissions().mode() & 0o777, 0o600);
+        assert_eq!(names(&folder.path().join("big")), ["b.look"]);
+        symlink("loop", folder.path().join("loop")).unwrap();
+        assert!(PendingFile::create(&folder.path().join("loop")).is_err());
+    }
+
+    #[test]
+    fn a_name_may_be_as_long_as_the_system_takes_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let long = |n: usize| folder.path().join("a".repeat(n - 4) + ".png");
+        write_whole(&long(255), b"whole").unwrap();
+        assert_eq!(fs::read(long(255)).unwrap(), b"whole");
+        let said = PendingFile::create(&long(256)).unwrap_err().to_string();
+        assert!(said.contains("give a shorter one") && !said.contains("folder that can"), "{said}");
+        assert_eq!(names(folder.path()).len(), 1);
     }
 
     #[test]

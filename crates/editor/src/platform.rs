@@ -105,6 +105,19 @@ fn status_bytes(process: &str, name: &str) -> Option<u64> {
     }
 }
 
+/// Whether this process was started so that it outlives its terminal, as `nohup` does; `None` where the system is not asked.
+pub fn ignores_hangups() -> Option<bool> {
+    #[cfg(target_os = "linux")]
+    {
+        let status = std::fs::read_to_string("/proc/self/status").ok()?;
+        let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"))?;
+        // A bit for each signal, from the lowest on: this one is the first.
+        Some(u128::from_str_radix(ignored.trim(), 16).ok()? & 1 == 1)
+    }
+    #[cfg(not(target_os = "linux"))]
+    None
+}
+
 /// Has the system run other threads before this one, where both want a processor: as a nice value of 5 does on Linux, “below normal” on
 /// Windows, and 5 below the 31 that threads begin with on macOS.
 pub fn step_back() {

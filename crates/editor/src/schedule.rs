@@ -309,6 +309,19 @@ mod tests {
     }
 
     #[test]
+    fn lumen_beyond_all_numbers_are_refused() {
+        let mut look = look();
+        look.lights.lamps[0].setting.intensity = f32::MAX;
+        let schedule = Schedule::new(&LightBasis::default(), None, &look, Some(80.0), None);
+        for by in [ScheduleBy::Lamp, ScheduleBy::Type] {
+            let mut table = Vec::new();
+            let said = schedule.write(&mut table, by).unwrap_err().to_string();
+            assert!(said.contains("`=SUM(A1)`") && said.contains("no finite number"), "{said}");
+            assert!(table.is_empty());
+        }
+    }
+
+    #[test]
     fn a_lamp_that_is_turned_down_to_nothing_is_off() {
         let mut look = look();
         look.lights.lamps[0].setting.intensity = 0.0;

@@ -278,13 +278,20 @@ fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
 }
 
+/// Signals that end a command, and its exit codes then. What this process ignores, those that it starts ignore, too.
+#[cfg(unix)]
+fn signals() -> Vec<(&'static str, i32)> {
+    let hangup = (clerestory::platform::ignores_hangups() == Some(false)).then_some(("-HUP", 129));
+    [("-INT", 130), ("-TERM", 143)].into_iter().chain(hangup).collect()
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupted_bake_keeps_what_is_done_and_says_so() {
     let folder = desk();
     succeeds(folder.path(), &format!("{SHORT_BAKE} a.transport"));
     let reference = std::fs::read(folder.path().join("a.transport")).unwrap();
-    for (name, code) in [("-INT", 130), ("-TERM", 143)] {
+    for (name, code) in signals() {
         let child = half_done(folder.path(), "b.transport");
         let begun = Instant::now();
         signal(&child, name);
@@ -368,7 +375,7 @@ fn an_interrupted_relight_leaves_nothing_behind() {
         r#"{"clerestory": 1, "lamps": [{"key": "bulb", "type": "point", "position": [0, 0.2, 0], "strength": 40}]}"#;
     std::fs::write(folder.path().join("lit.look"), lit).unwrap();
     let before = names_in(folder.path());
-    for (name, code) in [("-INT", 130), ("-TERM", 143)] {
+    for (name, code) in signals() {
         let line =
             "relight room.transport --look lit.look --scene room.gltf --lamp-samples 65536 --device cpu -o a.png";
         let child = clerestory(folder.path()).args(line.split(' ')).stderr(Stdio::piped()).spawn().unwrap();
@@ -384,6 +391,24 @@ fn an_interrupted_relight_leaves_nothing_behind() {
         assert!(said.ends_with("stopped: nothing was written\n"), "{name}: {said}");
         assert_eq!(names_in(folder.path()), before, "{name}");
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_ignores_the_end_of_its_terminal_goes_on() {
+    let folder = desk();
+    let script = format!("trap '' HUP; exec \"$0\" {SHORT_BAKE} b.transport");
+    let mut bake = Command::new("sh");
+    bake.current_dir(folder.path()).args(["-c", &script, env!("CARGO_BIN_EXE_clerestory")]);
+    let child = bake.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while std::fs::metadata(folder.path().join("b.transport.part")).map_or(0, |m| m.len()) < 8_000 {
+        assert!(Instant::now() < deadline, "nothing was written in a minute");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    signal(&child, "-HUP");
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]
@@ -723,6 +748,36 @@ fn no_output_takes_the_place_of_a_file_that_the_scene_or_the_wishes_name() {
     for file in files.iter().chain(&["goal.exr"]) {
         assert_eq!(std::fs::read(path(file)).unwrap(), b"grain", "{file}");
     }
+}
+
+#[test]
+fn an_output_takes_the_place_of_no_file_of_another_kind() {
+    let folder = desk();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::create_dir(path("stage")).unwrap();
+    image::RgbImage::from_pixel(8, 6, image::Rgb([90, 80, 70])).save(path("stage/warm.png")).unwrap();
+    std::fs::write(path("w.json"), r#"{"wishes": [{"times": 2}]}"#).unwrap();
+    succeeds(folder.path(), "bake room.gltf --size 8x6 --spp 1 -o room.transport");
+    let others = ["s.glb", "s.transport", "s.look", "p.exr", "p.JPG", "x.t"];
+    others.iter().for_each(|name| std::fs::write(path(name), "old").unwrap());
+    for (line, own) in [
+        ("sensors room.transport -o s.glb", "csv"),
+        ("schedule room.transport -o s.glb", "csv"),
+        ("schedule room.gltf -o s.transport", "csv"),
+        ("solve room.transport --wishes w.json -o s.glb", "look"),
+        ("solve room.transport --wishes w.json -o p.JPG", "look"),
+        ("bake room.gltf --size 8x6 --spp 1 -o p.exr", "transport"),
+        ("bake room.gltf --size 8x6 --spp 1 -o s.look", "transport"),
+        ("bake --images stage -o s.glb --fresh", "transport"),
+    ] {
+        let output = run(folder.path(), line);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{line}: {said}");
+        assert!(said.contains(&format!("is no .{own} file")), "{line}: {said}");
+    }
+    others.iter().for_each(|name| assert_eq!(std::fs::read(path(name)).unwrap(), b"old", "{name}"));
+    succeeds(folder.path(), "schedule room.gltf -o x.t");
+    assert_ne!(std::fs::read(path("x.t")).unwrap(), b"old");
 }
 
 #[test]

@@ -283,11 +283,12 @@ fn keep(
     Ok(bake)
 }
 
-/// Writes a finished bake; the file is whole or not there.
+/// Writes a finished bake; the file is whole or not there. Where the path is a symbolic link, what it leads to is written.
 ///
 /// # Errors
 /// [`ArchiveError::Io`].
 pub fn write(bake: &Bake, path: &Path) -> Result<(), ArchiveError> {
+    let path = &beside::followed(path).map_err(at("cannot follow", path))?;
     let (temporary, file) = beside::temporary(path).map_err(at("cannot create", path))?;
     let written = write_all(bake, file, &temporary)
         .and_then(|()| fs::rename(&temporary, path).map_err(at("cannot rename to", path)));

@@ -124,7 +124,7 @@ pub struct OutputArgs {
 #[derive(Clone, Debug, Args)]
 pub struct ViewArgs {
     /// Camera by name, or by number counted from 0 [default: the first].
-    #[arg(long, value_name = "NAME|N")]
+    #[arg(long, value_name = "NAME|N", allow_negative_numbers = true)]
     pub camera: Option<String>,
     /// Look from anywhere instead: meters, then degrees; yaw 0 looks along -Z, 90 along +X [default FOV: 50, from top to bottom].
     #[arg(long = "view", value_name = "X,Y,Z,YAW,PITCH[,FOV[,ROLL]]", value_parser = parse_view, allow_hyphen_values = true,
@@ -138,10 +138,12 @@ pub struct ViewArgs {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<Film>,
     /// Light paths per pixel.
-    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_048_576),
+        allow_negative_numbers = true)]
     pub spp: u32,
     /// Most bounces; 0 is direct light only [default: unlimited, with Russian roulette].
-    #[arg(long, value_name = "B", value_parser = clap::value_parser!(u32).range(0..=65_536))]
+    #[arg(long, value_name = "B", value_parser = clap::value_parser!(u32).range(0..=65_536),
+        allow_negative_numbers = true)]
     pub bounces: Option<u32>,
     /// Make a planar emissive node, by its key, a panel of M × M texels, M from 4 to 64; may be repeated.
     #[arg(long = "panel", value_name = "NODE=M", value_parser = parse_panel)]
@@ -154,7 +156,7 @@ pub struct ViewArgs {
     pub unitless: bool,
     /// Angle in degrees under which the directional lamps of the file are seen, from rim to rim: 0.53 is the sun [default: 0,
     /// shadows without penumbra].
-    #[arg(long, value_name = "DEG", value_parser = parse_sun_size)]
+    #[arg(long, value_name = "DEG", value_parser = parse_sun_size, allow_negative_numbers = true)]
     pub sun_size: Option<f32>,
     /// Variant of the materials of the file, by its name (`info` lists them) [default: what the file shows].
     #[arg(long, value_name = "NAME")]
@@ -175,10 +177,11 @@ pub struct ViewArgs {
     #[arg(skip)]
     pub of_look: SceneChoice,
     /// Seed of all random numbers.
-    #[arg(long, value_name = "S", default_value_t = 0)]
+    #[arg(long, value_name = "S", default_value_t = 0, allow_negative_numbers = true)]
     pub seed: u64,
     /// Threads to use [default: one per core].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024),
+        allow_negative_numbers = true)]
     pub threads: Option<u16>,
 }
 
@@ -215,16 +218,18 @@ pub struct BakeOptions {
     #[command(flatten)]
     pub view: ViewArgs,
     /// Patches of the sky above the horizon [default: as the look says, else 145].
-    #[arg(long, value_name = "145|577|2305", value_parser = parse_patches)]
+    #[arg(long, value_name = "145|577|2305", value_parser = parse_patches, allow_negative_numbers = true)]
     pub sky_patches: Option<SkyForm>,
     /// Signal to error in decibels that the bake aims at.
-    #[arg(long, value_name = "DB", default_value_t = 40.0, value_parser = parse_tolerance)]
+    #[arg(long, value_name = "DB", default_value_t = 40.0, value_parser = parse_tolerance,
+        allow_negative_numbers = true)]
     pub tolerance: f32,
     /// Seconds that the bake may take, scene loading not counted: it goes over the picture with four times the samples each
     /// time, from the middle outwards, and ends with what it has; --spp and --tolerance still end it sooner. A preview is
     /// always made whole, and with --exact the first pass over it as well; else the answer tells how many blocks are still those of
     /// the preview, with shared and clamped light.
-    #[arg(long, value_name = "N", value_parser = parse_seconds, conflicts_with = "patches")]
+    #[arg(long, value_name = "N", value_parser = parse_seconds, conflicts_with = "patches",
+        allow_negative_numbers = true)]
     pub seconds: Option<Duration>,
     /// Share the light between surfaces among neighboring pixels: smoother at the same samples, but smeared over a few
     /// pixels; the error says by how much, as measured on pixels that are traced as well.
@@ -241,14 +246,16 @@ pub struct BakeOptions {
     pub no_denoise: bool,
     /// Also bake how free lamps light the scene by way of its surfaces, told apart into about N patches (4096 will do, at most
     /// 16384): lamps of a look can then be moved and added after the bake. 0 is none, and all that `render` takes.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_PATCHES)))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_PATCHES)),
+        allow_negative_numbers = true)]
     pub patches: u32,
     /// What makes factors of the samples: `projected` is our own, the others are there to be compared with, such as `svd`,
     /// `row-id`, `aca-full` or `alg4:qr`, block by block; a name that does not exist lists them all.
     #[arg(long, value_name = "NAME", default_value_t, value_parser = parse_method)]
     pub method: Method,
     /// Side of the blocks in pixels, each of which has a rank of its own.
-    #[arg(long, value_name = "8|16|32", default_value_t = SIDE, value_parser = parse_block)]
+    #[arg(long, value_name = "8|16|32", default_value_t = SIDE, value_parser = parse_block,
+        allow_negative_numbers = true)]
     pub block: u32,
     /// Start over, even if an earlier bake of the same name was stopped half way or could be taken over. Of `bake` alone: `render`
     /// starts over each time.
@@ -346,7 +353,8 @@ pub struct IrradianceArgs {
     pub sensors: Vec<NodeGrid>,
     /// Also bake the light that arrives at a level plane, meters above the floor; points every SPACING meters, else as
     /// EN 12464-1 spaces them; may be repeated.
-    #[arg(long = "work-plane", value_name = "HEIGHT[:SPACING]", value_parser = parse_work_plane)]
+    #[arg(long = "work-plane", value_name = "HEIGHT[:SPACING]", value_parser = parse_work_plane,
+        allow_negative_numbers = true)]
     pub work_planes: Vec<WorkPlane>,
 }
 
@@ -387,7 +395,8 @@ pub struct RelightArgs {
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
     /// Samples of a pixel for what these lamps light, in pictures and sheets, not in frames: glints of polished surfaces take some hundreds.
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_SAMPLES, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_SAMPLES, value_parser = clap::value_parser!(u32).range(1..=65_536),
+        allow_negative_numbers = true)]
     pub lamp_samples: u32,
     /// Relight under each of these looks instead, and put the pictures on one sheet (PNG) with their names.
     #[arg(long, value_name = "FILE.look", num_args = 1..,

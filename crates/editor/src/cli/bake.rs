@@ -25,7 +25,7 @@ use super::view::{
 };
 use crate::black::black_words;
 use crate::look::Look;
-use crate::output::{PendingFile, spare_inputs};
+use crate::output::{PendingFile, spare_inputs, spare_others};
 use crate::platform::memory_bytes;
 use crate::sizes::bytes_words;
 
@@ -156,6 +156,7 @@ fn places_of(output: &Path) -> [PathBuf; 2] {
 /// A place that cannot be written, or is an input, is found out before the long work, not after it.
 fn reserve(output: &Path, inputs: &[(&'static str, &Path)]) -> Result<()> {
     places_of(output).iter().try_for_each(|place| spare_inputs(place, inputs.iter().copied()))?;
+    spare_others(output, &["transport"])?;
     drop(PendingFile::create(output)?);
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Ctrl-C and termination: the first asks a long command to end in good order, the second ends it at once.
+//! Ctrl-C, termination and the end of the terminal: the first asks a long command to end in good order, the second ends it at once.
 //!
 //! Until a command begins its long work, and in commands that write nothing, a signal ends the process as ever: there is nothing
 //! to keep and nothing to take away.
@@ -53,10 +53,21 @@ impl fmt::Display for Stopped {
 impl std::error::Error for Stopped {}
 
 impl Stopped {
-    /// 130 after Ctrl-C, 143 after a termination.
+    /// 130 after Ctrl-C, 143 after a termination, 129 after the end of the terminal.
     pub fn exit_code(&self) -> u8 {
         SIGNAL_BASE.saturating_add(u8::try_from(self.signal).unwrap_or(0))
     }
+}
+
+/// The signal that the terminal has gone, where it is known that who started the program did not have it ignored.
+fn hangup() -> Option<i32> {
+    #[cfg(unix)]
+    {
+        use crate::platform::ignores_hangups;
+        (ignores_hangups() == Some(false)).then_some(signal_hook::consts::SIGHUP)
+    }
+    #[cfg(not(unix))]
+    None
 }
 
 /// What commands leave behind that write only at their end.
@@ -95,7 +106,7 @@ impl Interrupt {
     /// From here on the first signal is kept for [`Interrupt::came`], and the second ends the process.
     pub(crate) fn heeded(&mut self) -> Result<Interrupt> {
         if std::mem::take(&mut self.listens) {
-            for signal in [SIGINT, SIGTERM] {
+            for signal in [SIGINT, SIGTERM].into_iter().chain(hangup()) {
                 let code = i32::from(SIGNAL_BASE) + signal;
                 // In this order: a signal finds what the one before it has set.
                 flag::register_conditional_shutdown(signal, code, self.again.clone())

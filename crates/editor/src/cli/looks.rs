@@ -15,7 +15,7 @@ pub struct LookChoice {
     #[arg(long, value_name = "NAME", requires = "look", conflicts_with = "at")]
     pub name: Option<String>,
     /// Moment of the look's timeline to light it with, in seconds.
-    #[arg(long, value_name = "SECS", requires = "look", value_parser = parse_secs)]
+    #[arg(long, value_name = "SECS", requires = "look", value_parser = parse_secs, allow_negative_numbers = true)]
     pub at: Option<f32>,
     /// Light it by what the scene has: `day`, `dusk`, `night` or `exhibition`; lamps of the look stay where they are.
     #[arg(long, value_name = "PRESET", value_parser = parse_preset)]

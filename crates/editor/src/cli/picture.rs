@@ -12,7 +12,7 @@ use crate::export::options::{ExportOptions, ExrCompression, ExrSamples, PngDepth
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct DepthArgs {
     /// Bits per channel: 8 (default) or 16 of a .png, 16 (halves) or 32 (floats, default) of an .exr.
-    #[arg(long, value_name = "8|16|32", value_parser = parse_bits)]
+    #[arg(long, value_name = "8|16|32", value_parser = parse_bits, allow_negative_numbers = true)]
     pub bits: Option<u32>,
     /// How an .exr is packed [default: zip]; `dwaa` is lossy and keeps halves.
     #[arg(long, value_enum)]
@@ -23,7 +23,7 @@ pub struct DepthArgs {
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct CutArgs {
     /// Pixels across, at most as many as were baked: averaged in linear light; the height follows.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub width: Option<u32>,
     /// Write this part alone, in pixels of the picture from its top left corner; an .exr remembers where it lies.
     #[arg(long, value_name = "X,Y,W,H", value_parser = parse_region)]

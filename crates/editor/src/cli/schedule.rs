@@ -16,7 +16,7 @@ use super::view::{
 };
 use crate::action::is_transport;
 use crate::legend::number_words;
-use crate::output::{PendingFile, spare_inputs};
+use crate::output::{PendingFile, spare_inputs, spare_others};
 use crate::schedule::Schedule;
 
 pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> {
@@ -27,6 +27,7 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
         false => spare_scene(&args.output, &args.file)?,
     }
     spare_look(&args.output, args.look.as_deref(), &look)?;
+    spare_others(&args.output, &["csv"])?;
     let place = PendingFile::create(&args.output)?;
     let (basis, scene) = if is_bake {
         let bake = load_bake(&args.file)?;

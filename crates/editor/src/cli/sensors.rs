@@ -17,7 +17,7 @@ use super::lamps::{DIRECT_LUX, prepared, stage, warn_of_lacking, warn_of_no_lamp
 use super::view::{load_bake, load_look, or_of_file, spare_look, spare_scene, warn_of_unknown_lights};
 use crate::illuminance::{AddedLux, FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words, write_points};
 use crate::look::Look;
-use crate::output::{PendingFile, spare_inputs};
+use crate::output::{PendingFile, spare_inputs, spare_others};
 
 /// What the sensors of a grid say.
 struct Readings<'a> {
@@ -49,6 +49,7 @@ pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answe
         spare_inputs(output, [("transport", args.transport.as_path())])?;
         args.scene.iter().try_for_each(|scene| spare_scene(output, scene))?;
         spare_look(output, args.look.as_deref(), &document)?;
+        spare_others(output, &["csv"])?;
     }
     let place = args.output.as_deref().map(PendingFile::create).transpose()?;
     let bake = load_bake(&args.transport)?;

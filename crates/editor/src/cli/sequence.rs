@@ -31,7 +31,7 @@ pub struct FramesArgs {
         value_parser = parse_frames)]
     pub frames: Option<RangeInclusive<u32>>,
     /// Frames of a second [default: as the look says, else 24].
-    #[arg(long, value_name = "N", requires = "look", value_parser = parse_fps)]
+    #[arg(long, value_name = "N", requires = "look", value_parser = parse_fps, allow_negative_numbers = true)]
     pub fps: Option<f32>,
 }
 

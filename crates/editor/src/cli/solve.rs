@@ -20,7 +20,7 @@ use super::lamps::{Arriving, DEFAULT_SAMPLES, LampLight, open};
 use super::view::{files_of_look, load_bake, load_look, or_of_file, spare_files, spare_scene, warn_of_unknown_lights};
 use crate::look::{Look, Units};
 use crate::marks::{Framing, Seen};
-use crate::output::{PendingFile, spare_inputs};
+use crate::output::{PendingFile, is_same_file, spare_inputs, spare_others};
 use crate::solve::kept::{Here, Pictures};
 use crate::solve::parse::{self, Surroundings};
 use crate::solve::{
@@ -74,7 +74,12 @@ fn spare(args: &SolveArgs, look: &Look) -> Result<()> {
     let of_look = look.wishes.files().map(|file| folder.join(file));
     let of_wishes = args.wishes.as_deref().map(parse::pictures).transpose()?;
     let pictures: Vec<PathBuf> = of_look.chain(of_wishes.unwrap_or_default()).collect();
-    spare_inputs(output, pictures.iter().map(|file| ("picture", file.as_path())))
+    spare_inputs(output, pictures.iter().map(|file| ("picture", file.as_path())))?;
+    // The look may be called as its user likes.
+    match &args.look {
+        Some(look) if is_same_file(output, look) => Ok(()),
+        _ => spare_others(output, &["look"]),
+    }
 }
 
 /// The wishes of the file and of the command line.

@@ -1,7 +1,7 @@
 //! GLB chunks, and the files that a glTF refers to.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clerestory_transport::import::named_file;
@@ -79,15 +79,16 @@ pub(super) fn save(
     // Reserved first, so that a folder that cannot be written costs nothing.
     let place = PendingFile::create(path)?;
     let beside = path.parent().unwrap_or(Path::new(""));
+    let mut put = Beside::default();
     if let Some(folder) = folder {
-        copy_resources(&mut document, folder, beside)?;
+        copy_resources(&mut document, (folder, beside), &mut put)?;
     }
     // The binary part is the first buffer, unless that lies elsewhere or there is none.
     let first = (document.len("buffers") > 0).then(|| document.item("buffers", 0)).transpose()?;
     let first = first.filter(|buffer| buffer.read::<String>("uri").is_none());
     if let (Kind::Gltf, Some(bin), Some(mut buffer)) = (kind, source.bin(), first) {
         let name = path.with_extension("bin");
-        put_beside(&name, bin)?;
+        put.file(&name, bin)?;
         buffer.set("uri", &percent_encoded(&name.file_name().unwrap_or_default().to_string_lossy()));
         document.put("buffers", 0, &buffer);
     }
@@ -107,7 +108,9 @@ pub(super) fn save(
             writer.write_all(content)?;
         }
         Ok(())
-    })
+    })?;
+    put.keep();
+    Ok(())
 }
 
 /// A file name as it stands in a URI, where `:`, `%`, `#` and others have a meaning of their own.
@@ -118,7 +121,7 @@ fn percent_encoded(name: &str) -> String {
 }
 
 /// Copies the files that a document refers to from its old folder to the same places below the new one.
-fn copy_resources(document: &mut Document, from: &Path, to: &Path) -> Result<()> {
+fn copy_resources(document: &mut Document, (from, to): (&Path, &Path), put: &mut Beside) -> Result<()> {
     let canonical = |folder: &Path| if folder.as_os_str().is_empty() { Path::new(".") } else { folder }.canonicalize();
     if canonical(from).ok() == canonical(to).ok() {
         return Ok(());
@@ -134,17 +137,41 @@ fn copy_resources(document: &mut Document, from: &Path, to: &Path) -> Result<()>
                 std::fs::create_dir_all(parent)
                     .with_context(|| format!("cannot make the folder {}", parent.display()))?;
             }
-            put_beside(&target, &content)?;
+            put.file(&target, &content)?;
         }
     }
     Ok(())
 }
 
-/// Writes a file that the scene needs, unless it is there already; another one of that name is not overwritten.
-fn put_beside(path: &Path, content: &[u8]) -> Result<()> {
-    match std::fs::read(path) {
-        Ok(there) if there == content => Ok(()),
-        Ok(_) => bail!("{} is there already and is another file; choose another folder or name", path.display()),
-        Err(_) => write_whole(path, content),
+/// Files that were written because a scene needs them; they go again if the scene cannot be written.
+#[derive(Default)]
+struct Beside(Vec<PathBuf>);
+
+impl Beside {
+    /// Writes a file, unless it is there already; another one of that name is not overwritten.
+    fn file(&mut self, path: &Path, content: &[u8]) -> Result<()> {
+        match std::fs::read(path) {
+            Ok(there) if there == content => Ok(()),
+            Ok(_) => bail!("{} is there already and is another file; choose another folder or name", path.display()),
+            Err(_) => {
+                write_whole(path, content)?;
+                self.0.push(path.to_path_buf());
+                Ok(())
+            }
+        }
+    }
+
+    /// The scene is written.
+    fn keep(mut self) {
+        self.0.clear();
+    }
+}
+
+impl Drop for Beside {
+    fn drop(&mut self) {
+        for path in &self.0 {
+            // What cannot be removed stays.
+            let _ = std::fs::remove_file(path);
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Lamps and shining surfaces of the file, as they are set.
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::emitters::{Emitter, Lighting};
 use clerestory_transport::light::{LightRig, PanelSpot};
@@ -32,6 +32,11 @@ pub(super) fn write(document: &mut Document, scene: &PreparedScene, rig: &LightR
     for (source, emitter) in basis.sources.iter().zip(emitters) {
         let first = source.columns.start as usize;
         let [as_set, on] = lit.each_ref().map(|light| Vec3::from(light[first]));
+        ensure!(
+            as_set.is_finite() && on.is_finite(),
+            "the light of `{}` is no finite number, so no scene was written; check the intensities of the look",
+            source.key
+        );
         // What is off is written as it is when it is on, and turned off then.
         let is_off = as_set == Vec3::ZERO && on != Vec3::ZERO;
         let (now, file) = (if is_off { on } else { as_set }, Vec3::from(plain[first]));

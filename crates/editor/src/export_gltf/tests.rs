@@ -59,6 +59,20 @@ fn a_scene_whose_lights_are_as_they_were_is_written_as_it_was() {
     assert!(n_files >= 5, "{n_files} files");
 }
 
+#[test]
+fn light_beyond_all_numbers_is_refused() {
+    let room = include_bytes!("../../tests/room.gltf");
+    let (scene, _) = PreparedScene::new(import::load_bytes("room", room).unwrap().scene, &[]).unwrap();
+    let mut look = Look::default();
+    look.lights.lights.insert("lamp".into(), LightSetting { intensity: f32::MAX, ..LightSetting::default() });
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.glb");
+    let lit = Lit { bytes: room, folder: None, scene: &scene, look: &look };
+    let said = lit.save(&out).unwrap_err().to_string();
+    assert!(said.contains("the light of `lamp` is no finite number"), "{said}");
+    assert!(!out.exists());
+}
+
 /// A setting for each light, none like the other.
 fn set_all(scene: &PreparedScene) -> Look {
     let mut look = Look::default();
@@ -538,6 +552,21 @@ fn what_a_gltf_refers_to_comes_along_and_nothing_else_is_overwritten() {
     std::fs::write(to.join("data/a b.bin"), b"other").unwrap();
     let error = write(&to.join("third.gltf")).unwrap_err().to_string();
     assert!(error.contains("is there already") && !to.join("third.gltf").exists(), "{error}");
+}
+
+#[test]
+fn of_a_gltf_that_cannot_be_written_nothing_stays() {
+    let (_folder, [from, to]) = two_folders();
+    for (folder, content) in [(&from, b"one"), (&to, b"two")] {
+        std::fs::write(folder.join("a.png"), content).unwrap();
+    }
+    let bytes = br#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": "data/a%20b.bin"}],
+        "images": [{"uri": "a.png"}]}"#;
+    let (source, document) = (Container::split(bytes).unwrap(), Document::parse(bytes).unwrap());
+    let refused = container::save(&source, document, Kind::Gltf, Some(&from), &to.join("out.gltf"));
+    assert!(refused.unwrap_err().to_string().contains("a.png is there already"));
+    assert!(!to.join("data/a b.bin").exists() && !to.join("out.gltf").exists());
+    assert_eq!(std::fs::read(to.join("a.png")).unwrap(), b"two");
 }
 
 #[test]

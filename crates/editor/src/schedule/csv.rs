@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use glam::Vec3;
 
 use super::{Luminaire, LuminaireType, Schedule, ScheduleBy, WattSource};
@@ -33,8 +33,15 @@ impl Schedule {
     /// Writes it, and what all lamps that are on sum up to.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If it cannot be written, or the lumen or watts of a lamp are no finite number.
     pub fn write(&self, writer: &mut impl Write, by: ScheduleBy) -> Result<()> {
+        let is_beyond = |lamp: &&Luminaire| [lamp.lumen, lamp.watt].iter().flatten().any(|value| !value.is_finite());
+        if let Some(lamp) = self.luminaires.iter().find(is_beyond) {
+            bail!(
+                "the lumen of `{}` are no finite number, so no table was written; check the intensities of the look",
+                lamp.key
+            );
+        }
         let columns = match by {
             ScheduleBy::Lamp => BY_LAMP,
             ScheduleBy::Type => BY_TYPE,

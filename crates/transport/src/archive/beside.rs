@@ -10,8 +10,28 @@ use std::path::{Path, PathBuf};
 
 /// Ending of such names.
 const ENDING: &str = "tmp";
+/// Most bytes of a name that such a name takes over: systems take 255 in all.
+const MOST_NAME_BYTES: usize = 200;
+/// Links that are followed one after another, as many as Linux does.
+const MOST_LINKS: usize = 40;
 
-/// A new file beside `path` that nobody else writes to, `.NAME.PROCESS-N.tmp`; locked by the operating system as long as it is open.
+/// The file that a path leads to through symbolic links, whether it is there or not. What is renamed to the name of a link takes the
+/// place of the link, and the file behind it stays as it was.
+///
+/// # Errors
+/// If there are more links than systems follow.
+pub fn followed(path: &Path) -> io::Result<PathBuf> {
+    let mut path = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        // What cannot be read as a link is none.
+        let Ok(target) = fs::read_link(&path) else { return Ok(path) };
+        path = path.parent().unwrap_or(Path::new("")).join(target);
+    }
+    Err(io::Error::other("its links lead to each other, or are too many"))
+}
+
+/// A new file beside `path` that nobody else writes to, `.NAME.PROCESS-N.tmp`; locked by the operating system as long as it is open. It
+/// may be read and written by whom the file at `path` may, if there is one.
 ///
 /// # Errors
 /// If the folder is missing or cannot be written, or the path names no file.
@@ -28,6 +48,11 @@ pub fn temporary(path: &Path) -> io::Result<(PathBuf, File)> {
             Ok(file) => {
                 // Where there are no locks, leftovers stay.
                 let _ = file.try_lock();
+                if let Err(error) = take_permissions(path, &file) {
+                    drop(file);
+                    let _ = fs::remove_file(&temporary);
+                    return Err(error);
+                }
                 return Ok((temporary, file));
             }
         }
@@ -35,16 +60,41 @@ pub fn temporary(path: &Path) -> io::Result<(PathBuf, File)> {
     Err(io::Error::new(io::ErrorKind::AlreadyExists, "all temporary names are taken"))
 }
 
+/// Gives a file the permissions of the one whose place it will take.
+#[cfg(unix)]
+fn take_permissions(replaced: &Path, file: &File) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    let mode_of = |of: &fs::Metadata| of.permissions().mode() & 0o777;
+    let Ok(of) = fs::metadata(replaced) else { return Ok(()) };
+    // Where a file system has none of its own, all files have the same.
+    if !of.is_file() || mode_of(&file.metadata()?) == mode_of(&of) {
+        return Ok(());
+    }
+    file.set_permissions(fs::Permissions::from_mode(mode_of(&of)))
+}
+
+/// Who may read and write a file is a matter of its folder here.
+#[cfg(not(unix))]
+fn take_permissions(_: &Path, _: &File) -> io::Result<()> {
+    Ok(())
+}
+
 /// The names of this process up to their number.
 fn own_prefix(name: &OsStr) -> OsString {
     let mut prefix = OsString::from(".");
-    prefix.push(name);
+    if name.len() > MOST_NAME_BYTES {
+        let name = name.to_string_lossy();
+        prefix.push(&name[..name.floor_char_boundary(MOST_NAME_BYTES)]);
+    } else {
+        prefix.push(name);
+    }
     prefix.push(format!(".{}-", std::process::id()));
     prefix
 }
 
-/// Removes what this process has begun to write beside `path`, where it ends without coming back to that.
+/// Removes what this process has begun to write beside the file that `path` leads to, where it ends without coming back to that.
 pub fn discard(path: &Path) {
+    let Ok(path) = followed(path) else { return };
     let Some(prefix) = path.file_name().map(own_prefix) else { return };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -90,6 +140,51 @@ mod tests {
         assert!(temporary(&folder.path().join("gone/a.transport")).is_err());
         let no_locks = TryLockError::Error(io::ErrorKind::Unsupported.into());
         assert!(!is_free(&Err(no_locks)), "somebody may write to it");
+    }
+
+    #[test]
+    fn a_long_name_leaves_room_for_that_of_a_temporary_file() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a".repeat(255), "ä".repeat(127)] {
+            let path = folder.path().join(name);
+            let (begun, _file) = temporary(&path).unwrap();
+            std::fs::rename(&begun, &path).unwrap();
+            let (begun, _file) = temporary(&path).unwrap();
+            discard(&path);
+            assert!(path.exists() && !begun.exists());
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed_to_a_file_that_may_not_be_there() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("big")).unwrap();
+        symlink("big/second", at("first")).unwrap();
+        symlink("../b.transport", at("big/second")).unwrap();
+        symlink(at("loop"), at("loop")).unwrap();
+        assert_eq!(followed(&at("a.transport")).unwrap(), at("a.transport"));
+        assert_eq!(followed(&at("first")).unwrap(), at("big/../b.transport"));
+        assert!(followed(&at("loop")).unwrap_err().to_string().contains("links"));
+        let (begun, _file) = temporary(&followed(&at("first")).unwrap()).unwrap();
+        discard(&at("first"));
+        assert!(!begun.exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_takes_the_place_of_a_file_may_be_read_by_whom_that_may() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.transport");
+        std::fs::write(&path, "").unwrap();
+        for mode in [0o600, 0o640, 0o666] {
+            std::fs::set_permissions(&path, std::fs::Permissions::from_mode(mode)).unwrap();
+            let (_, file) = temporary(&path).unwrap();
+            assert_eq!(file.metadata().unwrap().permissions().mode() & 0o777, mode);
+        }
     }
 
     #[test]

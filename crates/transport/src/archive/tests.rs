@@ -274,8 +274,8 @@ fn a_failed_write_leaves_the_old_file_alone() {
     let [first, second] = [0, 2].map(|i| decoded(FIXTURES[i].1).unwrap());
     write(&first, &path).unwrap();
     let old = fs::read(&path).unwrap();
-    // A name that leaves no room for a temporary one, a folder in the way, and one that is gone.
-    let long = folder.path().join("a".repeat(250));
+    // A name that is too long, a folder in the way, and one that is gone.
+    let long = folder.path().join("a".repeat(256));
     assert!(matches!(write(&second, &long), Err(ArchiveError::Io { .. })));
     let in_the_way = folder.path().join("b.transport");
     fs::create_dir(&in_the_way).unwrap();
@@ -285,6 +285,21 @@ fn a_failed_write_leaves_the_old_file_alone() {
     let gone = folder.path().join("gone").join("a.transport");
     let said = write(&second, &gone).unwrap_err().to_string();
     assert!(said.contains("cannot create") && said.contains("gone"), "{said}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_bake_is_written_through_links() {
+    let folder = tempfile::tempdir().unwrap();
+    let (link, target) = (folder.path().join("a.transport"), folder.path().join("b.transport"));
+    std::os::unix::fs::symlink("b.transport", &link).unwrap();
+    // At first the link dangles, then there is a file to replace.
+    for i in [0, 2] {
+        let bake = decoded(FIXTURES[i].1).unwrap();
+        write(&bake, &link).unwrap();
+        assert!(link.is_symlink() && is_same(&read(&target).unwrap(), &bake));
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
 }
 
 #[test]

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use super::container::Buffers;
 use super::document::called;
+use super::jpeg;
 use super::material::UsedTexture;
 use super::report::Notes;
 use super::uri::Locator;
@@ -189,6 +190,7 @@ fn decode_image(
 }
 
 fn decode_bytes(bytes: &[u8], room: &Room, stop: &Stop) -> Result<Image, String> {
+    jpeg::check_whole(bytes)?;
     let mut reader = ImageReader::new(stop.reader(Cursor::new(bytes)))
         .with_guessed_format()
         .map_err(|error| format!("it cannot be read ({error})"))?;

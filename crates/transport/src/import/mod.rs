@@ -23,6 +23,7 @@ mod geometry;
 mod hierarchy;
 mod idle;
 mod images;
+mod jpeg;
 mod lamps;
 mod material;
 mod merge;

@@ -34,6 +34,29 @@ fn the_sky_is_baked_in_the_patches_of_the_look_unless_others_are_typed() {
 }
 
 #[test]
+fn a_negative_number_is_the_value_of_its_option() {
+    let (bake, relight) = ("bake a.glb -o a.transport", "relight a.transport -o a.png --look a.look");
+    let solve = "solve a.transport --look a.look -o b.look";
+    for (command, options) in [
+        (bake, &["--seed", "--spp", "--bounces", "--threads", "--sun-size", "--tolerance", "--seconds"][..]),
+        (bake, &["--sky-patches", "--patches", "--block", "--work-plane"][..]),
+        (relight, &["--lamp-samples", "--bits", "--width", "--at", "--fps"][..]),
+        ("schedule a.glb -o a.csv", &["--efficacy", "--floor-area"][..]),
+    ] {
+        for option in options {
+            let line = format!("clerestory {command} {option} -1");
+            let said = Arguments::try_parse_from(line.split(' ')).unwrap_err().to_string();
+            assert!(said.contains(&format!("invalid value '-1' for '{option}")), "{said}");
+        }
+    }
+    // Others are told by what reads them.
+    for (command, option) in [(bake, "--camera"), (solve, "--colors"), (solve, "--keep"), (solve, "--pull")] {
+        let line = format!("clerestory {command} {option} -1");
+        assert!(Arguments::try_parse_from(line.split(' ')).is_ok(), "{line}");
+    }
+}
+
+#[test]
 fn numbers_out_of_range_are_refused() {
     let bad = [
         ["--spp", "0"],

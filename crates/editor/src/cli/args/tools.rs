@@ -43,10 +43,10 @@ pub struct ScheduleArgs {
     #[arg(long, value_name = "ROW", value_parser = parse_schedule_by, default_value = "lamp")]
     pub by: ScheduleBy,
     /// Luminous efficacy of lamps whose photometric file states no watts: theirs are lumen over this [default: unknown].
-    #[arg(long, value_name = "LM/W", value_parser = parse_positive)]
+    #[arg(long, value_name = "LM/W", value_parser = parse_positive, allow_negative_numbers = true)]
     pub efficacy: Option<f64>,
     /// Floor area in m² [default: that of the scene's floor; none for a transport file].
-    #[arg(long = "floor-area", value_name = "M2", value_parser = parse_positive)]
+    #[arg(long = "floor-area", value_name = "M2", value_parser = parse_positive, allow_negative_numbers = true)]
     pub floor_m2: Option<f64>,
     /// Table to write.
     #[arg(short, long, value_name = "OUT.csv")]
@@ -87,13 +87,13 @@ pub struct SolveArgs {
     #[arg(long, value_name = "MIN:MAX", value_parser = parse_factor)]
     pub factor: Option<[f64; 2]>,
     /// Let colors change, too, up to a saturation of 0 (white) to 1 (any color).
-    #[arg(long, value_name = "SATURATION")]
+    #[arg(long, value_name = "SATURATION", allow_negative_numbers = true)]
     pub colors: Option<f64>,
     /// How much the rest of the picture counts, beside 1 for a wish [default: 0.001].
-    #[arg(long, value_name = "WEIGHT")]
+    #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true)]
     pub keep: Option<f64>,
     /// How much a light that stays as it is counts [default: 0.001].
-    #[arg(long, value_name = "STRENGTH")]
+    #[arg(long, value_name = "STRENGTH", allow_negative_numbers = true)]
     pub pull: Option<f64>,
     /// Look to write.
     #[arg(short, long, value_name = "OUT.look")]

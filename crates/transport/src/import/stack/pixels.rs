@@ -8,6 +8,7 @@ use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 use super::MAX_PIXELS;
 use crate::camera::Film;
 use crate::import::files::{check_pixels, guarded, of_file, of_image};
+use crate::import::jpeg;
 use crate::import::openexr::{self, Threads, Wanted};
 use crate::import::radiance::{self, RadiancePicture};
 use crate::texture::srgb_to_linear;
@@ -69,6 +70,7 @@ pub(super) fn size(mut file: impl BufRead + Seek, n_bytes: u64) -> Result<[u32; 
 /// # Errors
 /// What is wrong with it, in words.
 pub fn decode_picture(bytes: &[u8]) -> Result<Picture, String> {
+    jpeg::check_whole(bytes)?;
     size(Cursor::new(bytes), bytes.len() as u64)?;
     guarded(|| match kind_of(bytes)? {
         Kind::OpenExr => {
@@ -240,7 +242,8 @@ mod tests {
         let hdr_of = |size: &str| String::from_utf8_lossy(&hdr("")[..60]).replace("-Y 2 +X 4", size);
         let (huge, wide) = (hdr_of("-Y 60000 +X 60000"), hdr_of("-Y 8000 +X 8000"));
         let png = encoded(ImageBuffer::from_pixel(64, 64, Rgb([7u8; 3])), ImageFormat::Png);
-        let cases: [(&[u8], &str); 9] = [
+        let jpeg = encoded(ImageBuffer::from_pixel(64, 64, Rgb([7u8; 3])), ImageFormat::Jpeg);
+        let cases: [(&[u8], &str); 10] = [
             (b"GIF89a", "neither OpenEXR"),
             (b"", "neither OpenEXR"),
             (huge.as_bytes(), "too many"),
@@ -250,6 +253,7 @@ mod tests {
             (&hdr("")[..70], "it is cut off"),
             (&png[..png.len() - 30], "it is cut off"),
             (&png[..20], "it is cut off"),
+            (&jpeg[..jpeg.len() - 20], "it is cut off"),
         ];
         for (bytes, words) in cases {
             let said = decode_picture(bytes).expect_err(words);

@@ -190,6 +190,25 @@ fn an_image_that_cannot_be_had_becomes_a_checkerboard() {
 }
 
 #[test]
+fn a_jpeg_that_is_cut_off_becomes_a_checkerboard() {
+    let mut whole = Cursor::new(Vec::new());
+    let image = image::RgbImage::from_fn(16, 16, |x, y| image::Rgb([(x * 16) as u8, (y * 16) as u8, 90]));
+    image.write_to(&mut whole, image::ImageFormat::Jpeg).expect("memory takes it");
+    let whole = whole.into_inner();
+    for (bytes, n_warnings) in [(&whole[..], 0), (&whole[..whole.len() - 20], 1)] {
+        let mut fixture = Fixture::triangle().placed();
+        let view = fixture.view(bytes);
+        fixture.root["images"] = json!([{"bufferView": view, "mimeType": "image/jpeg"}]);
+        fixture.root["textures"] = json!([{"source": 0}]);
+        let imported = fixture.material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})).load();
+        let warnings = &imported.report.warnings;
+        assert_eq!(warnings.len(), n_warnings, "{warnings:?}");
+        assert!(warnings.iter().all(|line| line.contains("it is cut off: a checkerboard is shown")), "{warnings:?}");
+        assert_eq!(imported.scene.textures[0].image.width, if n_warnings == 0 { 16 } else { 8 });
+    }
+}
+
+#[test]
 fn of_other_maps_that_cannot_be_had_nothing_is_left() {
     let fixture = with_image(json!({"uri": "nowhere.png"}));
     let map = json!({"index": 0});
