@@ -222,6 +222,39 @@ fn the_theme_that_was_chosen_is_there_at_the_next_start() {
     assert_eq!(opened(kept).1, ThemePreference::Light);
 }
 
+#[test]
+fn two_windows_of_a_user_keep_what_was_chosen_in_either() {
+    let folder = tempfile::tempdir().unwrap();
+    let state = folder.path().join("app.ron");
+    let opened = |name: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, room()).unwrap();
+        let film = Film { width: 64, height: 48 };
+        let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false, work_plane: None };
+        let start = Start { state: Some(state.clone()), ..Start::alone(Source::File(path), Some(settings)) };
+        let builder = Harness::builder().with_size(vec2(1440.0, 900.0));
+        let mut window: Window = builder.build_eframe(|cc| App::new(cc, start).unwrap());
+        wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+        window
+    };
+    let (mut older, mut newer) = (opened("older.gltf"), opened("newer.gltf"));
+    older.key_press(Key::T);
+    older.run_steps(3);
+    click(&mut newer, "Theme");
+    click(&mut newer, "Light");
+    newer.run_steps(3);
+    std::fs::write(&state, serde_json::to_string(&Kept::by(&mut newer).0).unwrap()).unwrap();
+    drop(newer);
+    let Kept(kept) = Kept::by(&mut older);
+    assert_eq!(kept["theme"], "Light", "the older window chose none");
+    assert!(kept["panels"].contains("false"), "{}", kept["panels"]);
+    let recent: Vec<PathBuf> = serde_json::from_str(&kept["recent"]).unwrap();
+    assert_eq!(recent, ["older.gltf", "newer.gltf"].map(|name| folder.path().join(name)));
+    // What was left once is no change any more, and what others chose since stays.
+    std::fs::write(&state, serde_json::json!({"panels": "(lights:true)"}).to_string()).unwrap();
+    assert_eq!(Kept::by(&mut older).0["panels"], "(lights:true)");
+}
+
 /// The room, opened by a user whose folder is named.
 fn room_of(home: &Path) -> Window {
     open_with(Source::Bytes { name: "room.gltf".into(), bytes: room() }, quick(), Some(home))

@@ -30,6 +30,8 @@ pub struct Start {
     pub unsaved: Option<PathBuf>,
     /// Where finished bakes are found and kept; without it every bake is made anew.
     pub cache: Option<BakeCache>,
+    /// The file in which windows leave what outlasts them, as the toolkit writes it: it is read again before it is written.
+    pub state: Option<PathBuf>,
     /// Where files are asked for.
     pub dialogs: FileDialogs,
     /// Whether somebody who was never here before is welcomed.
@@ -39,7 +41,8 @@ pub struct Start {
 impl Start {
     /// With nothing of the user's: no folders and no dialogs of the desktop.
     pub fn alone(source: Source, settings: Option<BakeSettings>) -> Start {
-        Start { source, settings, unsaved: None, cache: None, dialogs: FileDialogs::FieldOnly, welcome: false }
+        let dialogs = FileDialogs::FieldOnly;
+        Start { source, settings, unsaved: None, cache: None, state: None, dialogs, welcome: false }
     }
 }
 
@@ -57,10 +60,14 @@ pub(super) fn with_its_scene(source: Source, recent: &[PathBuf]) -> (Source, Opt
 
 /// The same of what somebody asks for who gets no window: what was open last stands where eframe keeps the window's state.
 pub(crate) fn without_window(open: Option<PathBuf>) -> (Source, Option<PathBuf>) {
-    let state = eframe::storage_dir("clerestory").map(|folder| folder.join("app.ron"));
-    let state = state.and_then(|file| std::fs::read_to_string(file).ok());
+    let state = state_file().and_then(|file| std::fs::read_to_string(file).ok());
     let recent = state.and_then(recent_in).unwrap_or_default();
     with_its_scene(open.map_or(Source::BuiltIn, Source::File), &recent)
+}
+
+/// Where eframe keeps the state of the window.
+fn state_file() -> Option<PathBuf> {
+    eframe::storage_dir("clerestory").map(|folder| folder.join("app.ron"))
 }
 
 /// The recent files that a window left in the text of its state.
@@ -70,7 +77,7 @@ fn recent_in(state: String) -> Option<Vec<PathBuf>> {
 }
 
 /// What eframe wrote, read by itself.
-fn decoded<T: DeserializeOwned>(text: String) -> Option<T> {
+pub(super) fn decoded<T: DeserializeOwned>(text: String) -> Option<T> {
     eframe::get_value(&Text(text), RECENT_KEY)
 }
 
@@ -103,6 +110,7 @@ pub fn run(open: Option<PathBuf>) -> Result<()> {
         settings: None,
         unsaved: recovery::folder(),
         cache: BakeCache::of_user()?,
+        state: state_file(),
         dialogs: FileDialogs::Desktop,
         welcome: true,
     };
