@@ -970,6 +970,30 @@ fn a_color_temperature_beyond_the_slider_stays_until_another_one_is_typed() {
 }
 
 #[test]
+fn a_color_temperature_leaves_a_colored_light_of_the_file_its_lumen() {
+    let mut gltf: Value = serde_json::from_slice(&lit_room()).unwrap();
+    let bulb = gltf["extensions"]["KHR_lights_punctual"]["lights"].as_array_mut().unwrap().last_mut().unwrap();
+    bulb["color"] = json!([1, 0.7, 0.4]);
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    click(&mut window, "Unit of intensities");
+    click(&mut window, "lm, luminous flux");
+    let lumens = |window: &Window| {
+        let number = window.get_by_label("left lm").accesskit_node().value().unwrap();
+        number.split_whitespace().next().unwrap().parse::<f64>().unwrap()
+    };
+    let of_file = lumens(&window);
+    click(&mut window, "left color");
+    click(&mut window, "Kelvin");
+    assert!((lumens(&window) - of_file).abs() < 1e-6, "{} instead of {of_file}", lumens(&window));
+    assert!((intensity(&window, "left") - 0.742).abs() < 1e-3, "{}", intensity(&window, "left"));
+    click(&mut window, "Candle");
+    assert!((lumens(&window) - of_file).abs() < 1e-6);
+    click(&mut window, "From file");
+    assert_eq!(*window.state().look(), Look::default());
+}
+
+#[test]
 fn what_is_set_for_many_lights_counts_for_all_where_the_first_has_it_already() {
     let mut window = lit();
     let all = ["left", "middle", "right"];
