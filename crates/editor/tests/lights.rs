@@ -11,7 +11,7 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, pos2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use serde_json::{Value, json};
 
-use desk::{Window, baked, click, drag, hints, is_framed, open, reach, room, type_over, wait};
+use desk::{Window, baked, click, drag, hints, is_framed, open, quit_by_key, reach, room, type_over, wait};
 
 /// The room with three more lamps below a node: instances of one lamp.
 fn lit_room() -> Vec<u8> {
@@ -249,6 +249,31 @@ fn faders_take_keys_and_fine_drags_and_go_back() {
 fn a_fader_says_what_its_way_is() {
     let mut window = lit();
     assert!(hints(&mut window, "left intensity", "Intensity in stops (EV)"));
+}
+
+#[test]
+fn the_hint_of_a_fader_goes_when_a_question_comes() {
+    let mut window = lit();
+    click(&mut window, "Mute left");
+    assert!(hints(&mut window, "left intensity", "Intensity in stops (EV)"));
+    assert!(!quit_by_key(&mut window));
+    window.run_steps(4);
+    window.get_by_label("Discard");
+    assert!(window.query_all_by_label_contains("Intensity in stops (EV)").next().is_none());
+}
+
+#[test]
+fn a_number_of_thousands_fits_beside_the_color() {
+    let mut window = lit();
+    click(&mut window, "Unit of intensities");
+    click(&mut window, "lm, luminous flux");
+    for (typed, told) in [("1274", "1274"), ("15694", "15.7k"), ("99900", "99.9k")] {
+        type_over(&mut window, "left lm", typed);
+        let number = window.get_by_label("left lm");
+        assert!(number.accesskit_node().value().unwrap().starts_with(told), "{told}");
+        let swatch = window.get_by_label("left color").rect();
+        assert!(number.rect().right() <= swatch.left(), "{} reaches {}", number.rect(), swatch);
+    }
 }
 
 #[test]
