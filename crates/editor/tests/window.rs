@@ -41,6 +41,7 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
 
     click(&mut window, "Undo");
     assert_eq!(*window.state().look(), Look::default(), "one drag is one step");
+    assert!(window.query_all_by_label_contains("Undone: `lamp`, intensity").next().is_some());
     wait(&mut window, |app| (app.shown_ev() - ev_before).abs() < 1e-3);
     window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     window.run_steps(3);
