@@ -422,7 +422,7 @@ mod tests {
         let chosen =
             |resolution| Chosen { panels: vec![PanelRequest { node: "a".into(), resolution }], ..Chosen::default() };
         let mut before = KeptChoices::default();
-        ["a.glb", "b.glb", "c.glb"].map(|name| before.keep(&source(name), &chosen(2)));
+        ["a.glb", "b.glb", "c.glb"].iter().for_each(|name| before.keep(&source(name), &chosen(2)));
         let (mut own, mut there) = (before.clone(), before.clone());
         own.keep(&source("a.glb"), &chosen(4));
         own.keep(&source("b.glb"), &Chosen::default());

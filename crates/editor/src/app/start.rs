@@ -16,6 +16,7 @@ use super::recovery;
 use crate::action::is_look;
 use crate::bake_cache::BakeCache;
 use crate::crash;
+use crate::look::scene_of_file;
 use crate::panels::dialogs::FileDialogs;
 use crate::session::{BakeSettings, Source};
 
@@ -46,13 +47,17 @@ impl Start {
     }
 }
 
-/// What is opened first, and the look that it is lit by: one that is opened alone goes with the scene that was open last, where that is
-/// still there. Its path begins at the root, since other paths are relative to the folder of the scene.
+/// What is opened first, and the look that it is lit by: one that is opened alone goes with the scene that it was saved for, else with the
+/// one that was open last, where that is still there. Its path begins at the root, since other paths are relative to the folder of the
+/// scene.
 pub(super) fn with_its_scene(source: Source, recent: &[PathBuf]) -> (Source, Option<PathBuf>) {
     match source {
         Source::File(path) if is_look(&path) => {
-            let last = recent.iter().find(|scene| !is_look(scene) && scene.exists()).cloned();
-            (last.map_or(Source::BuiltIn, Source::File), Some(std::path::absolute(&path).unwrap_or(path)))
+            let last = || recent.iter().find(|scene| !is_look(scene) && scene.exists()).cloned();
+            (
+                scene_of_file(&path).or_else(last).map_or(Source::BuiltIn, Source::File),
+                Some(std::path::absolute(&path).unwrap_or(path)),
+            )
         }
         source => (source, None),
     }
@@ -144,6 +149,7 @@ fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::look::Look;
 
     #[test]
     fn recent_files_are_found_in_what_a_window_left() {
@@ -153,6 +159,20 @@ mod tests {
         for other in ["", "{}", "nothing of ours", r#"{"recent": "7"}"#] {
             assert_eq!(recent_in(other.into()), None, "{other}");
         }
+    }
+
+    #[test]
+    fn a_look_that_is_opened_first_comes_with_the_scene_that_it_was_saved_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let [room, hall, look] = ["room.glb", "hall.glb", "evening.look"].map(|name| folder.path().join(name));
+        for scene in [&room, &hall] {
+            std::fs::write(scene, "").unwrap();
+        }
+        Look::default().save_for(&look, Some(&room)).unwrap();
+        let opened = || with_its_scene(Source::File(look.clone()), std::slice::from_ref(&hall));
+        assert_eq!(opened(), (Source::File(room.clone()), Some(look.clone())));
+        std::fs::remove_file(&room).unwrap();
+        assert_eq!(opened(), (Source::File(hall.clone()), Some(look.clone())));
     }
 
     #[test]
