@@ -22,6 +22,7 @@ mod losing;
 mod marked;
 mod memory;
 mod opening;
+mod outlasting;
 mod probe;
 mod recovery;
 mod rest;
@@ -42,7 +43,7 @@ use anyhow::Result;
 use clerestory_relight::Gpu;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::patches::DEFAULT_PATCHES;
-use eframe::egui::{Context, Rect, SurrenderFocusOn, ThemePreference, Ui, ViewportCommand};
+use eframe::egui::{Context, Rect, SurrenderFocusOn, Ui, ViewportCommand};
 use eframe::{CreationContext, Storage};
 use serde::de::DeserializeOwned;
 
@@ -73,6 +74,7 @@ use losing::Losing;
 use marked::InView;
 use memory::MemoryWatch;
 use opening::Opening;
+use outlasting::{Appearance, Told};
 use probe::Prober;
 use recovery::Recovery;
 use sides::Sides;
@@ -161,6 +163,11 @@ pub struct App {
     is_new_here: bool,
     memory: MemoryWatch,
     recent: Vec<PathBuf>,
+    appearance: Appearance,
+    /// Where all windows leave what outlasts them.
+    state_file: Option<PathBuf>,
+    /// What of that this window began with, or left last.
+    told_before: Told,
     title: String,
     /// Times frames where that is asked for.
     pulse: Option<Pulse>,
@@ -172,12 +179,15 @@ impl App {
     /// # Errors
     /// If the system gives no thread.
     pub fn new(cc: &CreationContext<'_>, start: Start) -> Result<App> {
+        let mut app = App::begun(cc, start)?;
+        app.told_before = app.told();
+        Ok(app)
+    }
+
+    fn begun(cc: &CreationContext<'_>, start: Start) -> Result<App> {
         theme::apply(&cc.egui_ctx);
         // A press may begin a drag of what the text is not about.
         cc.egui_ctx.options_mut(|options| options.input_options.surrender_focus_on = SurrenderFocusOn::Presses);
-        if cc.storage.is_none_or(|storage| storage.get_string(RECENT_KEY).is_none()) {
-            cc.egui_ctx.set_theme(ThemePreference::Dark);
-        }
         let recent: Vec<PathBuf> = left(cc, RECENT_KEY);
         let (source, look) = with_its_scene(start.source, &recent);
         let was_welcomed = cc.storage.is_some_and(|storage| storage.get_string(WELCOMED_KEY).is_some());
@@ -250,6 +260,9 @@ impl App {
             is_new_here: start.welcome && !was_welcomed,
             memory: MemoryWatch::new(),
             recent,
+            appearance: Appearance::restored(cc),
+            state_file: start.state,
+            told_before: Told::default(),
             title: String::new(),
             pulse: Pulse::of_environment()?,
         })
@@ -434,6 +447,7 @@ fn in_brief(mut words: String) -> String {
 impl eframe::App for App {
     fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
         self.pulse.iter_mut().for_each(Pulse::begin);
+        self.appearance = Appearance::of(ctx);
         self.session.holds_opened = self.would_lose_changes() || self.is_saving_look();
         for notice in self.session.drain() {
             self.notice(ctx, notice);
@@ -512,19 +526,7 @@ impl eframe::App for App {
     }
 
     fn save(&mut self, storage: &mut dyn Storage) {
-        eframe::set_value(storage, RECENT_KEY, &self.recent);
-        eframe::set_value(storage, LIGHTS_KEY, &self.lights.layout);
-        eframe::set_value(storage, EXPORT_KEY, &self.export);
-        eframe::set_value(storage, PANELS_KEY, &self.sides);
-        eframe::set_value(storage, DEVICE_KEY, &self.follower.wish());
-        eframe::set_value(storage, MEMORY_KEY, &self.session.memory_limit);
-        eframe::set_value(storage, BAKE_KEY, &self.habits);
-        eframe::set_value(storage, CHOICES_KEY, &self.choices.kept);
-        eframe::set_value(storage, SCHEDULE_KEY, self.solving.schedule());
-        if !self.is_new_here {
-            eframe::set_value(storage, WELCOMED_KEY, &true);
-        }
-        self.camera.save(storage);
+        self.leave(storage);
     }
 
     /// Where a system ends the program without a question, as the menu of a Mac does, what was not saved is offered at the next start, and

@@ -63,7 +63,7 @@ struct LookFile {
 }
 
 /// Bakes a scene (the built-in one if none is named) and writes its frames; of a look that is named instead under what that file has,
-/// and of the scene that was open last. `reason` says why there is no window.
+/// and of the scene that the look was saved for, or that was open last. `reason` says why there is no window.
 ///
 /// # Errors
 /// If the scene or the look cannot be loaded, is a bake, or a frame cannot be written.
@@ -104,7 +104,7 @@ fn refuse_bake(scene: Option<&Path>, look: Option<&Path>, reason: &str) -> Resul
     let Some(bake) = scene.filter(|path| is_transport(path)).map(Path::display) else { return Ok(()) };
     match look.map(Path::display) {
         Some(look) => bail!(
-            "{bake} was open last in the editor, and is baked already; `clerestory relight {bake} --look {look} -o OUT.png` lights it"
+            "{bake}, which goes with the look or was open last in the editor, is baked already; `clerestory relight {bake} --look {look} -o OUT.png` lights it"
         ),
         None => bail!(
             "{reason}, and {bake} is baked already; `clerestory relight {bake} -o OUT.png` lights it, with --look FILE.look in another way"
@@ -114,7 +114,10 @@ fn refuse_bake(scene: Option<&Path>, look: Option<&Path>, reason: &str) -> Resul
 
 /// Why a scene is the one that a look is shown with.
 fn under_words(scene: Option<&Path>, look: &Path) -> String {
-    let why = scene.map_or("as no scene was open in the editor before", |_| "which was open last in the editor");
+    let why = scene.map_or(
+        "as no scene was open in the editor before",
+        |_| "which goes with the look or was open last in the editor",
+    );
     format!(", {why}, under {}", look.display())
 }
 
@@ -210,7 +213,7 @@ fn images(folder: &Path, file: Option<&LookFile>, console: &mut Console) -> Resu
     if of_file.as_ref().is_some_and(|looks| !lamps_of(looks).is_empty()) {
         let folder = folder.display();
         bail!(
-            "{folder} was open last in the editor, and no lamp of the look can light its pictures; mute them, or open a scene"
+            "{folder} goes with the look or was open last in the editor, and no lamp of the look can light its pictures; mute them, or open a scene"
         );
     }
     let options = options();

@@ -26,12 +26,13 @@ mod write;
 
 use std::collections::BTreeMap;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clerestory_transport::basis::{LightBasis, Unheeded};
 use clerestory_transport::camera::Camera;
 use clerestory_transport::light::LightRig;
+use serde_json::Value;
 
 use crate::marks::{Marked, Probed};
 use crate::output::write_whole;
@@ -101,7 +102,7 @@ impl Look {
 
     /// Readable JSON with what differs from the scene.
     pub fn to_json(&self) -> String {
-        write::json(self)
+        write::json(self, None)
     }
 
     /// What a light is called.
@@ -212,13 +213,20 @@ impl Look {
 
     /// What a file at `path` holds: files of its own folder are named relative to that.
     pub fn json_at(&self, path: &Path) -> String {
+        self.json_for(path, None)
+    }
+
+    /// The same of a look that is for a scene, which lies somewhere.
+    fn json_for(&self, path: &Path, scene: Option<&Path>) -> String {
         let (mut look, folder) = (self.clone(), path.parent().unwrap_or(Path::new("")));
         for rig in look.rigs_mut() {
             rig.lamps = lamps::relative(&rig.lamps, folder);
             rig.sky.iter_mut().for_each(|sky| sky::relative(sky, folder));
         }
         look.wishes.relative(folder);
-        look.to_json()
+        let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.into());
+        let scene = scene.map(|scene| scene.strip_prefix(&folder).unwrap_or(scene).display().to_string());
+        write::json(&look, scene.as_deref())
     }
 
     /// Writes a file, whole or not at all, and says how it stands now. Profiles of lamps and skies in its folder are named
@@ -227,6 +235,14 @@ impl Look {
     /// # Errors
     /// If the file cannot be written, or would be too long or have too many lamps to be read again.
     pub fn save(&self, path: &Path) -> Result<OnDisk> {
+        self.save_for(path, None)
+    }
+
+    /// The same, and names the scene that it is for, with which it is opened where nobody names another one.
+    ///
+    /// # Errors
+    /// As [`Look::save`].
+    pub fn save_for(&self, path: &Path, scene: Option<&Path>) -> Result<OnDisk> {
         let most = self.rigs().map(|rig| rig.lamps.len()).max().unwrap_or(0);
         anyhow::ensure!(
             most <= MAX_LAMPS,
@@ -234,12 +250,21 @@ impl Look {
              delete some first, or take a cross-fade to one of its ends",
             path.display()
         );
-        let json = self.json_at(path);
+        let json = self.json_for(path, scene);
         let is_readable = json.len() as u64 <= MAX_BYTES;
         anyhow::ensure!(is_readable, "{} would be too long to be opened again; delete looks first", path.display());
         write_whole(path, json.as_bytes())?;
         Ok(OnDisk::of(json.as_bytes()))
     }
+}
+
+/// The scene that the look of a file is for, from the root: where the file says so, and it is still there.
+pub fn scene_of_file(path: &Path) -> Option<PathBuf> {
+    let text = read_text(path).ok()?;
+    let document: Value = serde_json::from_str(text.strip_prefix('\u{feff}').unwrap_or(&text)).ok()?;
+    let scene = path.parent()?.join(document.get("scene_file")?.as_str()?);
+    let scene = std::path::absolute(&scene).unwrap_or(scene);
+    scene.exists().then_some(scene)
 }
 
 /// The first of `stem 1`, `stem 2` … that is not taken; without a stem the number alone.
@@ -344,6 +369,30 @@ mod tests {
         look.names.insert("lamp".into(), "x".repeat(MAX_BYTES as usize));
         let said = look.save(&path).unwrap_err().to_string();
         assert!(said.contains("too long") && !path.exists(), "{said}");
+    }
+
+    #[test]
+    fn a_look_names_the_scene_that_it_was_saved_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let [within, beside] = ["looks", "other"].map(|name| folder.path().join(name));
+        for folder in [&within, &beside] {
+            std::fs::create_dir(folder).unwrap();
+        }
+        let look_file = within.join("a.look");
+        let named = |scene: &Path| {
+            rich().save_for(&look_file, Some(scene)).unwrap();
+            assert_eq!(Look::load(&look_file).unwrap(), (rich(), vec![]));
+            scene_of_file(&look_file)
+        };
+        for scene in [within.join("room.glb"), beside.join("hall.glb")] {
+            assert_eq!(named(&scene), None, "it is not there");
+            std::fs::write(&scene, "").unwrap();
+            assert_eq!(named(&scene), Some(scene));
+        }
+        named(&within.join("room.glb"));
+        assert!(std::fs::read_to_string(&look_file).unwrap().contains("\"scene_file\": \"room.glb\""));
+        rich().save(&look_file).unwrap();
+        assert_eq!(scene_of_file(&look_file), None);
     }
 
     #[test]

@@ -217,6 +217,34 @@ fn maps_of_rank_layers_of_error_and_samples_lie_over_the_picture() {
 }
 
 #[test]
+fn a_heat_map_and_false_color_take_each_others_place() {
+    let mut window = baked();
+    let scales = |window: &Window| {
+        ["Scale of rank", "Scale of luminance"].map(|words| window.query_all_by_label_contains(words).count())
+    };
+    let show_rank = |window: &mut Window| {
+        reach(window, "Heat map");
+        let is_choice = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() != Role::Label;
+        window.get_all_by_label("Rank").find(is_choice).unwrap().click();
+        window.run_steps(3);
+        wait(window, App::is_settled);
+    };
+    show_rank(&mut window);
+    assert_eq!(scales(&window), [1, 0]);
+    reach(&mut window, "False color");
+    click(&mut window, "Luminance");
+    wait(&mut window, App::is_settled);
+    assert_eq!(scales(&window), [0, 1]);
+    show_rank(&mut window);
+    assert_eq!(scales(&window), [1, 0]);
+    assert_eq!(window.state().look().display.false_color, None);
+    // The way back leads to false color, which the map left; nothing lies over it.
+    click(&mut window, "Undo");
+    wait(&mut window, App::is_settled);
+    assert_eq!(scales(&window), [0, 1]);
+}
+
+#[test]
 fn the_start_of_a_bake_is_in_sight_whatever_is_unfolded() {
     let mut window = baked();
     for section in ["Measure", "Solve for light", "Navigation", "Numbers"] {

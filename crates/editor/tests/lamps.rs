@@ -508,26 +508,26 @@ fn lamps_are_copied_renamed_muted_and_deleted() {
     window.key_press_modifiers(Modifiers::COMMAND, Key::D);
     window.run_steps(3);
     let names: Vec<String> = lamps(&window).into_iter().map(|lamp| lamp.key).collect();
-    assert_eq!(names, ["Round lamp 1", "Round lamp 2"]);
+    assert_eq!(names, ["Disk lamp 1", "Disk lamp 2"]);
     assert!(lamps(&window)[0].position.distance(lamps(&window)[1].position) > 0.01);
 
-    window.get_by_label("Name of Round lamp 2").focus();
+    window.get_by_label("Name of Disk lamp 2").focus();
     window.run_steps(2);
     window.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    window.get_by_label("Name of Round lamp 2").type_text("lamp");
+    window.get_by_label("Name of Disk lamp 2").type_text("lamp");
     window.run_steps(2);
     window.key_press(Key::Enter);
     window.run_steps(3);
     assert!(window.state().look().names.is_empty(), "a light of the scene has that name");
-    window.get_by_label("Name of Round lamp 2").focus();
+    window.get_by_label("Name of Disk lamp 2").focus();
     window.run_steps(2);
     window.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    window.get_by_label("Name of Round lamp 2").type_text("Desk");
+    window.get_by_label("Name of Disk lamp 2").type_text("Desk");
     window.run_steps(2);
     window.key_press(Key::Enter);
     window.run_steps(3);
-    assert_eq!(lamps(&window)[1].key, "Round lamp 2", "keys stay");
-    assert_eq!(window.state().look().names["Round lamp 2"], "Desk");
+    assert_eq!(lamps(&window)[1].key, "Disk lamp 2", "keys stay");
+    assert_eq!(window.state().look().names["Disk lamp 2"], "Desk");
 
     click(&mut window, "Mute Desk");
     assert!(lamps(&window)[1].setting.muted);
@@ -554,12 +554,12 @@ fn another_unit_leaves_the_light_as_it_is() {
 fn a_unit_that_the_strength_has_no_room_in_is_not_offered() {
     let mut window = with_lamp("Rectangle");
     for (label, value) in [("width", 0.001), ("height", 0.001), ("strength", 4000.0)] {
-        window.get_by_label(&format!("Rectangular lamp 1 {label}")).set_value_accesskit(value);
+        window.get_by_label(&format!("Rectangle lamp 1 {label}")).set_value_accesskit(value);
         window.run_steps(3);
     }
     let before = lamps(&window);
     assert_eq!((before[0].strength, before[0].unit), (4000.0, LampUnit::Lumen));
-    click(&mut window, "Rectangular lamp 1 unit");
+    click(&mut window, "Rectangle lamp 1 unit");
     click(&mut window, "nit");
     window.run_steps(3);
     assert_eq!(lamps(&window), before, "1.3·10⁹ nit");
@@ -787,7 +787,7 @@ fn a_spot_lamp_is_set_in_numbers_and_keeps_its_aim_or_its_direction() {
 fn parallel_light_gets_the_angle_under_which_it_is_seen() {
     let mut window = with_lamp("Directional");
     assert_eq!(lamps(&window)[0].shape, LampShape::Directional { radius_rad: 0.0 });
-    window.get_by_label("Parallel light 1 angle").set_value_accesskit(0.5);
+    window.get_by_label("Directional lamp 1 angle").set_value_accesskit(0.5);
     window.run_steps(3);
     let LampShape::Directional { radius_rad } = lamps(&window)[0].shape else {
         panic!("it shines along one direction")
@@ -800,7 +800,7 @@ fn parallel_light_gets_the_angle_under_which_it_is_seen() {
 fn a_rectangle_is_turned_about_its_aim_and_keeps_its_frame_while_the_aim_is_typed() {
     let mut window = with_lamp("Rectangle");
     let set = |window: &mut Window, label: &str, value: f64| {
-        window.get_by_label(&format!("Rectangular lamp 1 {label}")).set_value_accesskit(value);
+        window.get_by_label(&format!("Rectangle lamp 1 {label}")).set_value_accesskit(value);
         window.run_steps(3);
         lamps(window)[0].clone()
     };
@@ -1059,7 +1059,7 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     click(&mut window, "Add lamp");
     click(&mut window, "Sphere");
     wait(&mut window, App::is_settled);
-    window.get_by_label("Move Globe 1 along X");
+    window.get_by_label("Move Sphere lamp 1 along X");
     drop(window);
 
     // Where its own lamps were changed, others light its surfaces; it is not open to be baked.
@@ -1078,7 +1078,7 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     click(&mut window, "Add lamp");
     click(&mut window, "Sphere");
     wait(&mut window, App::is_settled);
-    window.get_by_label("Move Globe 1 along X");
+    window.get_by_label("Move Sphere lamp 1 along X");
     drop(window);
 
     // Another scene of the same name is refused.

@@ -11,7 +11,7 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, pos2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use serde_json::{Value, json};
 
-use desk::{Window, baked, click, drag, hints, is_framed, open, reach, room, type_over, wait};
+use desk::{Window, baked, click, drag, hints, is_framed, open, quit_by_key, reach, room, type_over, wait};
 
 /// The room with three more lamps below a node: instances of one lamp.
 fn lit_room() -> Vec<u8> {
@@ -249,6 +249,31 @@ fn faders_take_keys_and_fine_drags_and_go_back() {
 fn a_fader_says_what_its_way_is() {
     let mut window = lit();
     assert!(hints(&mut window, "left intensity", "Intensity in stops (EV)"));
+}
+
+#[test]
+fn the_hint_of_a_fader_goes_when_a_question_comes() {
+    let mut window = lit();
+    click(&mut window, "Mute left");
+    assert!(hints(&mut window, "left intensity", "Intensity in stops (EV)"));
+    assert!(!quit_by_key(&mut window));
+    window.run_steps(4);
+    window.get_by_label("Discard");
+    assert!(window.query_all_by_label_contains("Intensity in stops (EV)").next().is_none());
+}
+
+#[test]
+fn a_number_of_thousands_fits_beside_the_color() {
+    let mut window = lit();
+    click(&mut window, "Unit of intensities");
+    click(&mut window, "lm, luminous flux");
+    for (typed, told) in [("1274", "1274"), ("15694", "15.7k"), ("99900", "99.9k")] {
+        type_over(&mut window, "left lm", typed);
+        let number = window.get_by_label("left lm");
+        assert!(number.accesskit_node().value().unwrap().starts_with(told), "{told}");
+        let swatch = window.get_by_label("left color").rect();
+        assert!(number.rect().right() <= swatch.left(), "{} reaches {}", number.rect(), swatch);
+    }
 }
 
 #[test]
@@ -967,6 +992,30 @@ fn a_color_temperature_beyond_the_slider_stays_until_another_one_is_typed() {
         assert_eq!(kelvin(&window), Some(wanted), "{text}");
         press(&mut window, Key::Escape);
     }
+}
+
+#[test]
+fn a_color_temperature_leaves_a_colored_light_of_the_file_its_lumen() {
+    let mut gltf: Value = serde_json::from_slice(&lit_room()).unwrap();
+    let bulb = gltf["extensions"]["KHR_lights_punctual"]["lights"].as_array_mut().unwrap().last_mut().unwrap();
+    bulb["color"] = json!([1, 0.7, 0.4]);
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    click(&mut window, "Unit of intensities");
+    click(&mut window, "lm, luminous flux");
+    let lumens = |window: &Window| {
+        let number = window.get_by_label("left lm").accesskit_node().value().unwrap();
+        number.split_whitespace().next().unwrap().parse::<f64>().unwrap()
+    };
+    let of_file = lumens(&window);
+    click(&mut window, "left color");
+    click(&mut window, "Kelvin");
+    assert!((lumens(&window) - of_file).abs() < 1e-6, "{} instead of {of_file}", lumens(&window));
+    assert!((intensity(&window, "left") - 0.742).abs() < 1e-3, "{}", intensity(&window, "left"));
+    click(&mut window, "Candle");
+    assert!((lumens(&window) - of_file).abs() < 1e-6);
+    click(&mut window, "From file");
+    assert_eq!(*window.state().look(), Look::default());
 }
 
 #[test]

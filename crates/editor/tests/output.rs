@@ -135,7 +135,7 @@ fn each_lamp_that_was_added_has_a_layer_of_its_own_and_all_add_up_to_the_picture
     click(&mut window, "Save");
     wait(&mut window, |_| path.exists());
     let channels = channels(&path);
-    let names = ["Globe 1", "Point lamp 1", "lamp", "panel"];
+    let names = ["Point lamp 1", "Sphere lamp 1", "lamp", "panel"];
     let found: Vec<&str> = channels.keys().filter_map(|name| name.strip_suffix(".G")).collect();
     assert_eq!(found, names);
     let lights = names.map(|name| &channels[&format!("{name}.G")]);

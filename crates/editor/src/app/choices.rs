@@ -105,6 +105,19 @@ impl KeptChoices {
         self.put(Kept { scene, work_plane, ..before });
     }
 
+    /// Those of a window that began with `before`: what was chosen in it since about a scene, and about all others what is `there`, where
+    /// another window may have left some.
+    pub fn merged(&self, before: &KeptChoices, there: &KeptChoices) -> KeptChoices {
+        let is_own = |kept: &&Kept| self.about(&kept.scene) != before.about(&kept.scene);
+        let own = self.0.iter().filter(is_own);
+        let others = there.0.iter().filter(|kept| !is_own(kept));
+        KeptChoices(own.chain(others).take(MOST_SCENES).cloned().collect())
+    }
+
+    fn about(&self, scene: &Option<PathBuf>) -> Option<&Kept> {
+        self.0.iter().find(|kept| kept.scene == *scene)
+    }
+
     fn put(&mut self, new: Kept) {
         self.0.retain(|kept| kept.scene != new.scene);
         if new.says_something() {
@@ -401,5 +414,23 @@ mod tests {
         assert!(kept.0.len() == 1 && kept.of(&source("a.glb")) == Chosen::default());
         (0..2 * MOST_SCENES).for_each(|n| kept.keep(&source(&n.to_string()), &chosen));
         assert_eq!(kept.0.len(), MOST_SCENES);
+    }
+
+    #[test]
+    fn of_two_windows_each_keeps_what_was_chosen_in_it() {
+        let source = |name: &str| Source::File(format!("/scenes/{name}").into());
+        let chosen =
+            |resolution| Chosen { panels: vec![PanelRequest { node: "a".into(), resolution }], ..Chosen::default() };
+        let mut before = KeptChoices::default();
+        ["a.glb", "b.glb", "c.glb"].iter().for_each(|name| before.keep(&source(name), &chosen(2)));
+        let (mut own, mut there) = (before.clone(), before.clone());
+        own.keep(&source("a.glb"), &chosen(4));
+        own.keep(&source("b.glb"), &Chosen::default());
+        there.keep(&source("c.glb"), &chosen(8));
+        there.keep(&source("d.glb"), &chosen(16));
+        let merged = own.merged(&before, &there);
+        let wanted = [("a.glb", chosen(4)), ("b.glb", Chosen::default()), ("c.glb", chosen(8)), ("d.glb", chosen(16))];
+        wanted.into_iter().for_each(|(name, chosen)| assert_eq!(merged.of(&source(name)), chosen, "{name}"));
+        assert_eq!(merged.0.len(), 3);
     }
 }

@@ -41,6 +41,19 @@ fn put_first(recent: &mut Vec<PathBuf>, path: PathBuf) {
     recent.truncate(MAX_RECENT);
 }
 
+/// Recent files of a window that began with those of `before`: what was opened in it since comes first, then what is `there`, where another
+/// window may have left some.
+pub(super) fn merged_recent(own: &[PathBuf], before: &[PathBuf], there: Vec<PathBuf>) -> Vec<PathBuf> {
+    let is_as_before = |rest: &[PathBuf]| {
+        let mut before = before.iter();
+        rest.iter().all(|path| before.any(|other| other == path))
+    };
+    let n_opened = (0..own.len()).find(|n| is_as_before(&own[*n..])).unwrap_or(own.len());
+    let mut merged = there;
+    own[..n_opened].iter().rev().for_each(|path| put_first(&mut merged, path.clone()));
+    merged
+}
+
 /// What the window is called: its scene, the file of its look, and a dot before what is not saved.
 fn title_of(scene: &str, look: Option<&Path>, is_unsaved: bool) -> String {
     if scene.is_empty() {
@@ -193,6 +206,18 @@ mod tests {
         let names = ["hall.glb", "hall v1.2.glb", "stage", ".frames", ".hall.glb", ".glb", ".", "..", ""];
         let stems = ["hall", "hall v1.2", "stage", "frames", "hall", "glb", "scene", "scene", "scene"];
         assert_eq!(names.map(stem_of), stems);
+    }
+
+    #[test]
+    fn files_that_two_windows_opened_are_all_among_the_recent_ones() {
+        let paths = |names: &[&str]| names.iter().map(PathBuf::from).collect::<Vec<_>>();
+        let before = paths(&["a.glb", "b.glb", "c.glb"]);
+        let there = paths(&["d.glb", "a.glb", "b.glb", "c.glb"]);
+        assert_eq!(merged_recent(&before, &before, there.clone()), there, "nothing was opened here");
+        let own = paths(&["e.glb", "c.glb", "a.glb", "b.glb"]);
+        assert_eq!(merged_recent(&own, &before, there.clone()), paths(&["e.glb", "c.glb", "d.glb", "a.glb", "b.glb"]));
+        assert_eq!(merged_recent(&own, &before, Vec::new()), paths(&["e.glb", "c.glb"]));
+        assert_eq!(merged_recent(&[], &[], there.clone()), there);
     }
 
     #[test]

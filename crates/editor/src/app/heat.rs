@@ -41,8 +41,12 @@ impl Heat {
 }
 
 impl App {
-    /// The map that was chosen, made anew where blocks came since.
+    /// The map that was chosen, made anew where blocks came since. False color that came since, by hand or by undo, takes its place: colors
+    /// over colors tell nothing.
     pub(super) fn heat_overlay(&mut self, ctx: &Context) -> Option<Overlay> {
+        if self.look.display.false_color.is_some() {
+            self.heat_map = HeatMap::default();
+        }
         let Some(kind) = self.heat_map.kind() else {
             self.heat = None;
             return None;

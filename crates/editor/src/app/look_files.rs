@@ -184,7 +184,9 @@ impl App {
     }
 
     fn write_look(&mut self, path: PathBuf) {
-        match self.look.save(&path) {
+        let scene = self.session.opened.as_ref().and_then(|opened| opened.path.as_deref());
+        let saved = self.look.save_for(&path, scene);
+        match saved {
             Ok(on_disk) => {
                 self.say(format!("Saved {}", path.display()));
                 self.remember(path.clone());

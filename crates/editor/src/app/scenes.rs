@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use clerestory_transport::bake::Passes;
 use clerestory_transport::camera::Camera;
 
-use super::App;
 use super::undo::Steps;
+use super::{App, in_brief};
 use crate::look::Look;
 use crate::panels::lights::{LightsState, take_in};
 use crate::panels::looks::LooksState;
@@ -18,6 +18,18 @@ pub(super) struct Reloading {
     pub camera: Option<Camera>,
     /// Keys of the lights that were there.
     pub lights: BTreeSet<String>,
+}
+
+/// What is said of something that was opened: the first of its notes, too, and where the others are.
+fn words_of(name: &str, report: &[String]) -> String {
+    match report {
+        [] => format!("Opened {name}"),
+        [note] => format!("Opened {name}: {}", in_brief(note.clone())),
+        [note, others @ ..] => {
+            let (note, n_more) = (in_brief(note.clone()), others.len());
+            format!("Opened {name}: {note} (and {n_more} more under “Report”, at the end of “Bake”)")
+        }
+    }
 }
 
 impl App {
@@ -48,7 +60,7 @@ impl App {
         self.looks = LooksState::default();
         self.solving.forget();
         self.daylight.forget();
-        self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
+        self.say(self.session.opened.as_ref().map_or(String::new(), |opened| words_of(&opened.name, &opened.report)));
         if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
             let own = self.habits.settings(Some(camera));
             if reloading.is_none() {
@@ -128,5 +140,19 @@ impl App {
         let camera = self.camera.camera.clone().filter(|_| !is_stack);
         self.session.start_bake(settings, camera, Passes::Progressive);
         self.camera.put_down();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_note_is_said_and_how_many_more_there_are() {
+        let notes = ["the scene has no light", "Left out: a", "Left out: b"].map(String::from);
+        assert_eq!(words_of("hall.glb", &[]), "Opened hall.glb");
+        assert_eq!(words_of("hall.glb", &notes[..1]), "Opened hall.glb: the scene has no light");
+        let all = "Opened hall.glb: the scene has no light (and 2 more under “Report”, at the end of “Bake”)";
+        assert_eq!(words_of("hall.glb", &notes), all);
     }
 }

@@ -16,6 +16,7 @@ use super::recovery;
 use crate::action::is_look;
 use crate::bake_cache::BakeCache;
 use crate::crash;
+use crate::look::scene_of_file;
 use crate::panels::dialogs::FileDialogs;
 use crate::session::{BakeSettings, Source};
 
@@ -30,6 +31,8 @@ pub struct Start {
     pub unsaved: Option<PathBuf>,
     /// Where finished bakes are found and kept; without it every bake is made anew.
     pub cache: Option<BakeCache>,
+    /// The file in which windows leave what outlasts them, as the toolkit writes it: it is read again before it is written.
+    pub state: Option<PathBuf>,
     /// Where files are asked for.
     pub dialogs: FileDialogs,
     /// Whether somebody who was never here before is welcomed.
@@ -39,17 +42,22 @@ pub struct Start {
 impl Start {
     /// With nothing of the user's: no folders and no dialogs of the desktop.
     pub fn alone(source: Source, settings: Option<BakeSettings>) -> Start {
-        Start { source, settings, unsaved: None, cache: None, dialogs: FileDialogs::FieldOnly, welcome: false }
+        let dialogs = FileDialogs::FieldOnly;
+        Start { source, settings, unsaved: None, cache: None, state: None, dialogs, welcome: false }
     }
 }
 
-/// What is opened first, and the look that it is lit by: one that is opened alone goes with the scene that was open last, where that is
-/// still there. Its path begins at the root, since other paths are relative to the folder of the scene.
+/// What is opened first, and the look that it is lit by: one that is opened alone goes with the scene that it was saved for, else with the
+/// one that was open last, where that is still there. Its path begins at the root, since other paths are relative to the folder of the
+/// scene.
 pub(super) fn with_its_scene(source: Source, recent: &[PathBuf]) -> (Source, Option<PathBuf>) {
     match source {
         Source::File(path) if is_look(&path) => {
-            let last = recent.iter().find(|scene| !is_look(scene) && scene.exists()).cloned();
-            (last.map_or(Source::BuiltIn, Source::File), Some(std::path::absolute(&path).unwrap_or(path)))
+            let last = || recent.iter().find(|scene| !is_look(scene) && scene.exists()).cloned();
+            (
+                scene_of_file(&path).or_else(last).map_or(Source::BuiltIn, Source::File),
+                Some(std::path::absolute(&path).unwrap_or(path)),
+            )
         }
         source => (source, None),
     }
@@ -57,10 +65,14 @@ pub(super) fn with_its_scene(source: Source, recent: &[PathBuf]) -> (Source, Opt
 
 /// The same of what somebody asks for who gets no window: what was open last stands where eframe keeps the window's state.
 pub(crate) fn without_window(open: Option<PathBuf>) -> (Source, Option<PathBuf>) {
-    let state = eframe::storage_dir("clerestory").map(|folder| folder.join("app.ron"));
-    let state = state.and_then(|file| std::fs::read_to_string(file).ok());
+    let state = state_file().and_then(|file| std::fs::read_to_string(file).ok());
     let recent = state.and_then(recent_in).unwrap_or_default();
     with_its_scene(open.map_or(Source::BuiltIn, Source::File), &recent)
+}
+
+/// Where eframe keeps the state of the window.
+fn state_file() -> Option<PathBuf> {
+    eframe::storage_dir("clerestory").map(|folder| folder.join("app.ron"))
 }
 
 /// The recent files that a window left in the text of its state.
@@ -70,7 +82,7 @@ fn recent_in(state: String) -> Option<Vec<PathBuf>> {
 }
 
 /// What eframe wrote, read by itself.
-fn decoded<T: DeserializeOwned>(text: String) -> Option<T> {
+pub(super) fn decoded<T: DeserializeOwned>(text: String) -> Option<T> {
     eframe::get_value(&Text(text), RECENT_KEY)
 }
 
@@ -103,6 +115,7 @@ pub fn run(open: Option<PathBuf>) -> Result<()> {
         settings: None,
         unsaved: recovery::folder(),
         cache: BakeCache::of_user()?,
+        state: state_file(),
         dialogs: FileDialogs::Desktop,
         welcome: true,
     };
@@ -136,6 +149,7 @@ fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::look::Look;
 
     #[test]
     fn recent_files_are_found_in_what_a_window_left() {
@@ -145,6 +159,20 @@ mod tests {
         for other in ["", "{}", "nothing of ours", r#"{"recent": "7"}"#] {
             assert_eq!(recent_in(other.into()), None, "{other}");
         }
+    }
+
+    #[test]
+    fn a_look_that_is_opened_first_comes_with_the_scene_that_it_was_saved_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let [room, hall, look] = ["room.glb", "hall.glb", "evening.look"].map(|name| folder.path().join(name));
+        for scene in [&room, &hall] {
+            std::fs::write(scene, "").unwrap();
+        }
+        Look::default().save_for(&look, Some(&room)).unwrap();
+        let opened = || with_its_scene(Source::File(look.clone()), std::slice::from_ref(&hall));
+        assert_eq!(opened(), (Source::File(room.clone()), Some(look.clone())));
+        std::fs::remove_file(&room).unwrap();
+        assert_eq!(opened(), (Source::File(hall.clone()), Some(look.clone())));
     }
 
     #[test]

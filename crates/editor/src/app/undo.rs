@@ -101,13 +101,15 @@ impl App {
         self.daylight.stop();
         let Steps { undoer, now, .. } = self.steps();
         if let Some(step) = undoer.redo(now).cloned() {
-            self.go_to(step, "Done again");
+            self.go_to(step, "Redone");
         }
     }
 
     fn go_to(&mut self, step: Step, words: &str) {
         self.messages.take_back();
         let has_other_sky = step.sky != self.choices.sky;
+        let of_sky = || has_other_sky.then(|| "sky".to_owned());
+        let what = step.look.edit_words(&self.look).or_else(of_sky).unwrap_or_else(|| "camera".into());
         self.choices.sky = step.sky;
         if step.look != self.look {
             let before = std::mem::replace(&mut self.look, step.look);
@@ -128,7 +130,7 @@ impl App {
             None if self.camera.is_moving => self.put_camera_down(),
             None => {}
         }
-        self.say(words);
+        self.say(format!("{words}: {what}"));
     }
 
     /// One drag is one step: while a button is down nothing is fed. What the frame does in which it comes up belongs to the drag, so

@@ -39,8 +39,8 @@ pub struct Arguments {
     /// What to do; without it the editor opens.
     #[command(subcommand)]
     pub command: Option<Command>,
-    /// What the editor opens: a scene (.gltf, .glb), a .transport, a .look with the scene that was open last, or a folder with a
-    /// picture for each light; the built-in gallery if left out.
+    /// What the editor opens: a scene (.gltf, .glb), a .transport, a .look with the scene that it was saved for, else with the
+    /// one that was open last, or a folder with a picture for each light; the built-in gallery if left out.
     pub scene: Option<PathBuf>,
     /// Without a display, print figures as one JSON object on stdout; a window prints none.
     #[arg(long)]

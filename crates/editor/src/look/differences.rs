@@ -11,6 +11,9 @@ const MOST_APART: usize = 3;
 /// End of the path of a color, which is one thing: who picks one may change any of its channels.
 const COLOR: &str = ".color";
 
+/// Members of a light of the scene.
+const SETTINGS: [&str; 4] = ["intensity", "color", "kelvin", "muted"];
+
 impl Look {
     /// Paths of the members that differ, by the names that they have in files, such as `lights.Spot.intensity` or
     /// `lamps.0.position.1`.
@@ -19,6 +22,44 @@ impl Look {
         let mut paths = BTreeSet::new();
         collect([Some(&own), Some(&others)], "", &mut paths);
         paths
+    }
+
+    /// What an edit was about that leads here from another look, in words: a light and what of it, or a part of the look, and how many
+    /// more there are.
+    pub fn edit_words(&self, other: &Look) -> Option<String> {
+        let things = self.differences(other).iter().map(|path| self.thing_words(other, path)).collect::<BTreeSet<_>>();
+        let first = things.first()?.clone();
+        Some(if things.len() == 1 { first } else { format!("{first} and {} more", things.len() - 1) })
+    }
+
+    fn thing_words(&self, other: &Look, path: &str) -> String {
+        let (part, rest) = path.split_once('.').unwrap_or((path, ""));
+        match part {
+            "lights" => {
+                let parted = rest.rsplit_once('.').filter(|(_, member)| SETTINGS.contains(member));
+                parted.map_or_else(|| format!("`{rest}`"), |(key, member)| format!("`{key}`, {member}"))
+            }
+            "lamps" => self.lamp_words(other, rest),
+            "panels" => "spots".into(),
+            "on" => "looks".into(),
+            part => part.to_owned(),
+        }
+    }
+
+    /// The lamp that came or went; else the one of a number, and what of it.
+    fn lamp_words(&self, other: &Look, path: &str) -> String {
+        let [own, others] = [self, other].map(|look| &look.lights.lamps);
+        let (longer, shorter) = if own.len() > others.len() { (own, others) } else { (others, own) };
+        if longer.len() > shorter.len() {
+            let apart = longer.iter().find(|lamp| shorter.iter().all(|kept| kept.key != lamp.key));
+            return apart.map_or_else(|| "lamps".into(), |lamp| format!("`{}`", lamp.key));
+        }
+        let mut parts = path.split('.');
+        let lamp = parts.next().and_then(|nth| own.get(nth.parse::<usize>().ok()?));
+        match (lamp, parts.next()) {
+            (Some(lamp), Some(member)) => format!("`{}`, {}", lamp.key, member.replace('_', " ")),
+            _ => "lamps".into(),
+        }
     }
 
     /// Without what the other one has alike: what is large and stays is not written.
@@ -82,10 +123,8 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn what_was_edited_is_named_by_light_and_member() {
-        let mut look = Look::default();
-        look.lights.lamps.push(FreeLamp {
+    fn globe() -> FreeLamp {
+        FreeLamp {
             key: "Globe 1".into(),
             shape: LampShape::Sphere { radius_m: 0.1 },
             position: Vec3::ONE,
@@ -95,7 +134,35 @@ mod tests {
             setting: LightSetting::default(),
             turn_rad: 0.0,
             replaces: None,
-        });
+        }
+    }
+
+    #[test]
+    fn an_edit_is_told_in_words() {
+        let mut look = Look::default();
+        look.lights.lamps.push(globe());
+        let words = |edit: fn(&mut Look)| {
+            let mut other = look.clone();
+            edit(&mut other);
+            other.edit_words(&look).unwrap_or_default()
+        };
+        let brighter = LightSetting { intensity: 2.0, ..LightSetting::default() };
+        assert_eq!(words(|_| {}), "");
+        assert_eq!(words(|look| look.lights.lamps[0].position = Vec3::ZERO), "`Globe 1`, position");
+        assert_eq!(words(|look| look.lights.lamps.clear()), "`Globe 1`");
+        assert_eq!(words(|look| look.lights.lamps.push(FreeLamp { key: "New".into(), ..globe() })), "`New`");
+        assert_eq!(words(|look| look.display.exposure_ev = Some(1.0)), "display");
+        let mut other = look.clone();
+        other.lights.set("Spot. 1", brighter);
+        assert_eq!(other.edit_words(&look).as_deref(), Some("`Spot. 1`, intensity"));
+        other.display.exposure_ev = Some(1.0);
+        assert_eq!(look.edit_words(&other).as_deref(), Some("`Spot. 1`, intensity and 1 more"));
+    }
+
+    #[test]
+    fn what_was_edited_is_named_by_light_and_member() {
+        let mut look = Look::default();
+        look.lights.lamps.push(globe());
         let edited = |edit: fn(&mut Look)| {
             let mut other = look.clone();
             edit(&mut other);

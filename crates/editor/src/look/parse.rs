@@ -26,6 +26,10 @@ const RADIUS: RangeInclusive<f64> = 0.0..=PanelSpot::MOST_RADIUS as f64;
 /// Members that say how a scene is lit and shown, of a look and of each of its snapshots.
 pub(super) const LIGHTING: [&str; 6] = ["lights", "panels", "sky", "lamps", "groups", "display"];
 
+/// Other members of a look.
+const MEMBERS: [&str; 11] =
+    ["clerestory", "scene_file", "names", "looks", "on", "timeline", "scene", "bookmarks", "wishes", "marks", "probes"];
+
 /// What happens at a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum OnFault {
@@ -63,14 +67,9 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
     let mut reader = Reader { warnings: &mut warnings, steps: Vec::new(), text, on_fault };
     let document = reader.object(&value)?;
     check_version(document, &mut reader)?;
-    reader.report_unknown(
-        document,
-        &[
-            &["clerestory", "names", "looks", "on", "timeline", "scene", "bookmarks", "wishes", "marks", "probes"],
-            &LIGHTING[..],
-        ]
-        .concat(),
-    );
+    reader.report_unknown(document, &[&MEMBERS[..], &LIGHTING[..]].concat());
+    // Who opens the look by itself asks for it.
+    reader.optional(document, "scene_file", |reader, value| reader.text(value))?;
     let (lights, display) = reader.lighting(document)?;
     let snapshots = reader.optional(document, "looks", |reader, value| reader.snapshots(value))?.unwrap_or_default();
     let kept: Vec<&str> = snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect();

@@ -5,9 +5,10 @@ use serde::Serialize;
 
 use super::{Display, LOOK_VERSION, Look};
 
-/// Readable JSON; see [`Look::to_json`].
-pub(super) fn json(look: &Look) -> String {
+/// Readable JSON; see [`Look::to_json`]. `scene_file` is the scene that it is for, where that is to be told.
+pub(super) fn json(look: &Look, scene_file: Option<&str>) -> String {
     let mut members = vec![format!("  \"clerestory\": {LOOK_VERSION}")];
+    members.extend(scene_file.map(|file| format!("  \"scene_file\": {}", value(file))));
     members.extend(lighting_members(&look.lights, &look.display, "  "));
     members.extend(super::groups::names_member(&look.names));
     let snapshots = look.snapshots.iter().map(|snapshot| format!("    {}", super::snapshot::json(snapshot, "    ")));

@@ -120,7 +120,8 @@ fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) -> bool
         .suffix(" K")
         .trailing_fill(false);
     let response = slider_ui(ui, slider, Spelling::new(|kelvin, _| format!("{kelvin:.0}"), kelvins));
-    let response = response.on_hover_text("Color temperature in kelvin: 2700 K is warm, 6500 K is daylight");
+    let response =
+        response.on_hover_text("Color temperature in kelvin: 2700 K is warm, 6500 K is daylight\nThe lumen stay");
     let mut is_set = response.accessible_name(format!("{label} kelvin")).changed();
     if is_set {
         tint.kelvin = Some(kelvin.clamp(*KELVIN_RANGE.start(), *KELVIN_RANGE.end()));

@@ -382,15 +382,15 @@ fn turn_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
     ui.end_row();
 }
 
-/// What a shape is called in the window.
+/// What a shape is called in the window: as in the menu of [`SHAPES`].
 pub fn kind_words(shape: &LampShape) -> &'static str {
     match shape {
         LampShape::Point => "Point lamp",
         LampShape::Spot { .. } => "Spot lamp",
-        LampShape::Rectangle { .. } => "Rectangular lamp",
-        LampShape::Disk { .. } => "Round lamp",
-        LampShape::Sphere { .. } => "Globe",
-        LampShape::Directional { .. } => "Parallel light",
+        LampShape::Rectangle { .. } => "Rectangle lamp",
+        LampShape::Disk { .. } => "Disk lamp",
+        LampShape::Sphere { .. } => "Sphere lamp",
+        LampShape::Directional { .. } => "Directional lamp",
         LampShape::Profile { .. } => "Measured lamp",
     }
 }
@@ -411,4 +411,16 @@ pub fn add_button(ui: &mut Ui, choice: &LampChoice, actions: &mut Vec<Action>) {
         let button = egui::containers::menu::MenuButton::from_button(Button::new("Add lamp"));
         button.ui(ui, |ui| add_menu(ui, None, actions)).0.on_disabled_hover_text("It takes the scene of this bake");
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lamp_is_called_as_the_menu_calls_it() {
+        for (name, _, shape) in SHAPES {
+            assert_eq!(kind_words(&shape), format!("{name} lamp"));
+        }
+    }
 }

@@ -121,7 +121,7 @@ impl<'a> Spelling<'a> {
         let words = |number: f64, decimals: RangeInclusive<usize>| {
             let text = match &self.words {
                 Some(words) => words(number, decimals),
-                None => digits.format(number, decimals),
+                None => without_minus(digits.format(number, decimals)),
             };
             shown.replace(text.clone());
             text
@@ -138,6 +138,15 @@ impl<'a> Spelling<'a> {
             ui.data_mut(|data| data.insert_temp(id, Typed { is_typed, is_given_up }));
         }
         response
+    }
+}
+
+/// A number that is rounded to nothing has no sign.
+fn without_minus(digits: String) -> String {
+    let is_nothing = !digits.contains(|c: char| c.is_ascii_digit() && c != '0');
+    match digits.strip_prefix(['-', '−']).filter(|_| is_nothing) {
+        Some(rest) => rest.to_owned(),
+        None => digits,
     }
 }
 
@@ -215,6 +224,12 @@ mod tests {
             let other = beside(number, least);
             assert!(other != number && other >= least && (other - number).abs() <= 1e-9, "{number}: {other}");
         }
+    }
+
+    #[test]
+    fn what_is_rounded_to_nothing_has_no_sign() {
+        let told = ["-0.000", "−0", "0.00", "-0.001", "-10", "5"].map(|digits| without_minus(digits.into()));
+        assert_eq!(told, ["0.000", "0", "0.00", "-0.001", "-10", "5"]);
     }
 
     #[test]

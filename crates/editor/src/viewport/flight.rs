@@ -103,7 +103,7 @@ fn scrolls(ui: &Ui, response: &Response, view: &FlightView, flight: &mut Flight,
     let (pinch, turn) = ui.input(|input| (input.zoom_delta(), view.habits.navigation.of_scroll(input.modifiers)));
     let scroll = ui.input(|input| if turn == Turn::Pan { both_ways(input) } else { input.smooth_scroll_delta() });
     if scroll != egui::Vec2::ZERO {
-        flight.moved(turn, scroll, height);
+        flight.scrolled(turn, scroll, height);
     }
     if pinch != 1.0 {
         flight.dolly(1.0 / pinch);

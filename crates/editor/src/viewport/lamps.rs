@@ -32,6 +32,9 @@ const KEY_STEP: f32 = 6.0;
 /// What is beside the words of a hint, and their least width, points.
 const BESIDE_HINT: f32 = 26.0;
 const LEAST_HINT: f32 = 160.0;
+/// Half the width of what is read under the pointer, in the middle below, and the height of it and of what stands over it, points.
+const HALF_READING: f32 = 150.0;
+const READINGS: f32 = 62.0;
 /// Colors of the axes.
 const AXIS_COLORS: [Color32; 3] =
     [Color32::from_rgb(226, 92, 84), Color32::from_rgb(118, 186, 92), Color32::from_rgb(88, 146, 232)];
@@ -430,10 +433,17 @@ pub(super) fn hint(ui: &Ui, area: Rect, words: &str) {
     let painter = ui.painter();
     let (font, most) = (FontId::proportional(12.5), (area.width() - BESIDE_HINT).max(LEAST_HINT));
     let galley = painter.layout(words.to_owned(), font, Color32::from_gray(230), most);
-    let place = Align2::LEFT_BOTTOM.anchor_size(area.left_bottom() + vec2(12.0, -10.0), galley.size());
+    let place = hint_place(area, galley.size());
     painter.rect_filled(place.expand2(vec2(7.0, 4.0)), 4.0, Color32::from_black_alpha(170));
     painter.galley(place.min, galley, Color32::WHITE);
     tell(ui.ctx(), Id::unique("picture hint"), (Role::Status, words), place);
+}
+
+/// Where a hint of some size lies: at the lower left, and above what is read under the pointer where it would reach that.
+fn hint_place(area: Rect, size: Vec2) -> Rect {
+    let place = |above: f32| Align2::LEFT_BOTTOM.anchor_size(area.left_bottom() + vec2(12.0, -10.0 - above), size);
+    let low = place(0.0);
+    if low.right() > area.center().x - HALF_READING { place(READINGS) } else { low }
 }
 
 /// Tells those who read the window with other means of what is only painted.
@@ -444,4 +454,24 @@ pub(super) fn tell(ctx: &Context, id: Id, (role, words): (Role, &str), place: Re
         let [x0, y0, x1, y1] = [place.min.x, place.min.y, place.max.x, place.max.y].map(f64::from);
         node.set_bounds(accesskit::Rect { x0, y0, x1, y1 });
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use eframe::egui::pos2;
+
+    use super::*;
+
+    #[test]
+    fn a_hint_lies_beside_what_is_read_under_the_pointer_or_above_it() {
+        let size = vec2(240.0, 16.0);
+        let area = |width: f32| Rect::from_min_size(pos2(410.0, 40.0), vec2(width, 740.0));
+        for width in [400.0, 690.0, 1200.0] {
+            let (area, place) = (area(width), hint_place(area(width), size));
+            let reading = Rect::from_center_size(area.center_bottom() - vec2(0.0, 36.0), vec2(260.0, 52.0));
+            assert!(!place.expand2(vec2(7.0, 4.0)).intersects(reading), "{place} over {reading}");
+            assert!(area.contains_rect(place));
+        }
+        assert_eq!(hint_place(area(1200.0), size).bottom(), area(1200.0).bottom() - 10.0);
+    }
 }

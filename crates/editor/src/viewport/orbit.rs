@@ -81,6 +81,8 @@ impl Navigation {
 const TURN_PER_POINT: f32 = 0.006;
 /// Nearer, per point.
 const DOLLY_PER_POINT: f32 = 0.005;
+/// Of that, the part of points that are scrolled: a notch of a wheel, 40 points, comes nearer by an eighth.
+const DOLLY_OF_SCROLL: f32 = 2.0 / 3.0;
 /// Steepest pitch, radians: at the pole left and right would change sides.
 const STEEPEST: f32 = 1.55;
 /// Distance to what is looked at below which one goes on through it, meters.
@@ -105,7 +107,13 @@ impl Flight {
         self.camera.position() + self.forward() * self.pivot_m
     }
 
-    /// Moves by a drag or by scrolling over so many points, in a picture so many points high.
+    /// Moves by scrolling over so many points, in a picture so many points high.
+    pub fn scrolled(&mut self, turn: Turn, travel: Travel, height: f32) {
+        let share = if turn == Turn::Dolly { DOLLY_OF_SCROLL } else { 1.0 };
+        self.moved(turn, travel * share, height);
+    }
+
+    /// Moves by a drag over so many points, in a picture so many points high.
     pub fn moved(&mut self, turn: Turn, travel: Travel, height: f32) {
         match turn {
             Turn::Look => self.look(travel, height),
@@ -213,6 +221,14 @@ mod tests {
         }
         assert!((pivot - flight.camera.position()).dot(flight.forward()) < 0.0, "it has passed");
         assert_eq!(flight.pivot_m, NEAREST_M);
+    }
+
+    #[test]
+    fn a_notch_of_a_wheel_comes_nearer_by_an_eighth() {
+        let mut flight = flight();
+        let before = flight.pivot_m;
+        flight.scrolled(Turn::Dolly, vec2(0.0, 40.0), 600.0);
+        assert!((flight.pivot_m / before - 0.875).abs() < 1e-2, "{} of {before}", flight.pivot_m);
     }
 
     #[test]

@@ -46,6 +46,10 @@ pub(super) fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Container<'a>, Im
     if let Some(&(_, kind, remedy)) = OTHERS.iter().find(|(magic, ..)| bytes.trim_ascii_start().starts_with(magic)) {
         return Err(ImportError::Kind { name: name.to_owned(), kind, remedy });
     }
+    if bytes.trim_ascii().is_empty() {
+        let (kind, remedy) = ("an empty file", "export or download it again");
+        return Err(ImportError::Kind { name: name.to_owned(), kind, remedy });
+    }
     if !bytes.starts_with(GLB_MAGIC) {
         return Ok(Container { json: bytes.into(), bin: None });
     }

@@ -166,7 +166,8 @@ fn absolute_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize]) {
 
 /// The color and the color temperature that all of them get.
 fn color_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize]) {
-    let lights: Vec<&Listed> = selected.iter().map(|idx| &mix.lights[*idx]).collect();
+    let all = mix.lights;
+    let lights: Vec<&Listed> = selected.iter().map(|idx| &all[*idx]).collect();
     let tint_of = |light: &Listed| {
         let setting = mix.setting(light);
         Tint { color: setting.color, kelvin: setting.kelvin }
@@ -184,8 +185,7 @@ fn color_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize]) {
     }
     if is_set {
         for light in lights {
-            let setting = LightSetting { color: tint.color, kelvin: tint.kelvin, ..mix.setting(light) };
-            mix.look.lights.set(&light.key, setting);
+            mix.set_tint(light, tint);
         }
     }
 }

@@ -120,7 +120,8 @@ pub(super) fn fader_ui(ui: &mut Ui, label: &str, (size, more): (Vec2, More), int
         *intensity = 1.0;
         response.mark_changed();
     }
-    response.on_hover_text(HINT)
+    // The toolkit keeps a hint that is open, and lays it over a question that comes.
+    if ui.memory(|memory| memory.allows_interaction(ui.layer_id())) { response.on_hover_text(HINT) } else { response }
 }
 
 /// Both ends of the way of the handle.

@@ -11,6 +11,10 @@ use super::listed::{LightOf, Listed};
 use super::scale::Measure;
 use crate::action::Action;
 use crate::look::Look;
+use crate::panels::color::Tint;
+
+/// Relative difference that numbers have by rounding alone.
+const SAME: f32 = 1e-6;
 
 /// The lights of a frame, and the look that they are set in.
 pub(super) struct Mix<'a> {
@@ -54,6 +58,23 @@ impl Mix<'_> {
     pub fn measure(&self, light: &Listed, setting: &LightSetting) -> Measure {
         let layout = &self.state.layout;
         layout.scale.measure(light, setting, layout.efficacy)
+    }
+
+    /// Gives a light another tint. Under a color temperature one of the scene keeps its lumen whatever color its file gives it, as added
+    /// lamps do; a color counts channel by channel.
+    pub fn set_tint(&mut self, light: &Listed, tint: Tint) {
+        let before = self.setting(light);
+        let intensity = match (before.kelvin.is_some(), tint.kelvin.is_some()) {
+            (false, true) => before.intensity * light.own_luminance(),
+            (true, false) => before.intensity / light.own_luminance(),
+            _ => before.intensity,
+        };
+        // There and back is no change.
+        let of_file = self.file.own_setting(&light.key).intensity;
+        let is_of_file = (intensity - of_file).abs() <= SAME * of_file;
+        let intensity = if is_of_file { of_file } else { intensity };
+        let setting = LightSetting { intensity, color: tint.color, kelvin: tint.kelvin, ..before };
+        self.look.lights.set(&light.key, setting);
     }
 
     /// Everything about a light as in the file, or as it was added. A lamp that shines in its place goes.

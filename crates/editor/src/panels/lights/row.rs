@@ -1,7 +1,6 @@
 //! A light in the list: a row with name, mute, solo, fader, number and color.
 
 use clerestory_transport::basis::SourceKind;
-use clerestory_transport::light::LightSetting;
 use eframe::egui::{
     self, Align, Button, Color32, Id, Label, Layout, Popup, Rect, Response, RichText, Sense, Shape, Ui, UiBuilder,
     Vec2, pos2, vec2,
@@ -289,8 +288,7 @@ pub(super) fn color_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
     let setting = mix.setting(light);
     let mut tint = Tint { color: setting.color, kelvin: setting.kelvin };
     if tint_ui(ui, &light.name, &mut tint, light.own_color(), light.kelvin_choice()) {
-        let (color, kelvin) = (tint.color, tint.kelvin);
-        mix.look.lights.set(&light.key, LightSetting { color, kelvin, ..setting });
+        mix.set_tint(light, tint);
     }
 }
 

@@ -30,6 +30,8 @@ pub enum Scale {
 
 /// Power of ideal white light by glTF's and Blender's count, lumen per watt.
 pub(super) const IDEAL_EFFICACY: f32 = clerestory_transport::lamp_units::LUMENS_PER_WATT;
+/// Points on either side of a number in its field.
+const PADDING: f32 = 4.0;
 /// Upper end of factors in numbers.
 const FACTOR_MAX: f64 = 1e6;
 /// Stops at which a light counts as off.
@@ -168,7 +170,8 @@ pub(super) fn digits(number: f64) -> String {
     match number {
         n if n < 9.995 => format!("{n:.2}"),
         n if n < 99.95 => format!("{n:.1}"),
-        n if n < 99_999.5 => format!("{n:.0}"),
+        n if n < 9999.5 => format!("{n:.0}"),
+        n if n < 99_950.0 => format!("{:.1}k", n / 1000.0),
         n => format!("{:.0}k", n / 1000.0),
     }
 }
@@ -261,7 +264,10 @@ pub(super) fn number_ui(
         Measure::Stops => "Stops (EV) above the light of the file: one more is twice as bright".to_owned(),
         Measure::Amount { unit, .. } => format!("In {unit}"),
     };
+    // Number and unit fit into the width, beside what stands there.
+    let padding = std::mem::replace(&mut ui.spacing_mut().button_padding.x, PADDING);
     let response = ui.add_sized([width, 22.0], drag).on_hover_text(tip);
+    ui.spacing_mut().button_padding.x = padding;
     let response = response.accessible_name(format!("{label} {}", unit_words(measure)));
     if response.changed() {
         *intensity = measure.intensity(number);
@@ -283,11 +289,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_of_any_size_have_three_digits_or_their_whole_part() {
+    fn numbers_of_any_size_have_three_digits_or_four() {
         assert_eq!(
-            [0.0, 1.0, 9.99, 9.999, 12.34, 99.96, 5000.0, 250_000.0].map(digits),
-            ["0.00", "1.00", "9.99", "10.0", "12.3", "100", "5000", "250k"]
+            [0.0, 1.0, 9.99, 9.999, 12.34, 99.96, 5000.0, 9999.4].map(digits),
+            ["0.00", "1.00", "9.99", "10.0", "12.3", "100", "5000", "9999"]
         );
+        assert_eq!([9999.6, 15_694.0, 99_960.0, 250_000.0].map(digits), ["10.0k", "15.7k", "100k", "250k"]);
     }
 
     #[test]

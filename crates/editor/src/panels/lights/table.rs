@@ -4,7 +4,6 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_transport::lamps::LampUnit;
-use clerestory_transport::light::LightSetting;
 use eframe::egui::{
     Align, Button, FontSelection, Grid, Id, Label, Layout, Popup, Rect, RichText, ScrollArea, Sense, TextStyle, Ui,
     UiBuilder, WidgetText, pos2, vec2,
@@ -256,7 +255,7 @@ fn line_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, (fixed, nth): (&Fixed, us
     let setting = mix.setting(light);
     let mut tint = Tint { color: setting.color, kelvin: setting.kelvin };
     if row::keyed_ui(ui, line.with("kelvin"), |ui| kelvin_field_ui(ui, &light.name, &mut tint, false)) {
-        mix.look.lights.set(&light.key, LightSetting { color: tint.color, kelvin: tint.kelvin, ..setting });
+        mix.set_tint(light, tint);
     }
     ui.label(lumens(mix, light).map_or("–".into(), digits));
     ui.add(Label::new(light.kind_words()).extend());

@@ -105,7 +105,8 @@ fn paint(ui: &Ui, response: &Response, picture: Rect, thumbnail: Option<(egui::T
         Mark::Off if response.hovered() || response.has_focus() => Stroke::new(1.5, Color32::from_gray(150)),
         Mark::Off => Stroke::new(1.0, Color32::from_gray(62)),
     };
-    painter.rect_stroke(picture, corner, stroke, StrokeKind::Outside);
+    // The strip ends where its first card begins.
+    painter.rect_stroke(picture, corner, stroke, StrokeKind::Inside);
     if response.has_focus() {
         painter.rect_stroke(picture.shrink(2.0), corner, ui.visuals().selection.stroke, StrokeKind::Inside);
     }

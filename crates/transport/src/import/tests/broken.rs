@@ -388,6 +388,8 @@ fn files_of_other_kinds_are_told_with_a_remedy() {
         (b"PXR-USDC\0", "USD", "export it as glTF"),
         (b"CLERTRAN\x01\0\0\0", "transport", "name the scene"),
         (b"version https://git-lfs.github.com/spec/v1\noid", "Git LFS", "git lfs pull"),
+        (b"", "an empty file", "download it again"),
+        (b" \r\n", "an empty file", "download it again"),
         (b"\n<!DOCTYPE html><html>", "HTML", "download"),
     ] {
         let error = load_bytes("room.glb", bytes).expect_err("refused");
