@@ -220,14 +220,14 @@ mod tests {
             means.fill([&a, &b], n_cols, &(0..n_cols), [1; 2]).unwrap();
             let noise = means.noise_per_entry();
             for goal in [0.0, noise, 1e-40, 1e40] {
-                let level = Level::new(&means, goal);
+                let level = Level::new(&means, goal, None);
                 let bounds = 0.89..(n_cols as f32 / 5.0 + 1.0).sqrt() * 1.01;
                 assert!(level.divisors.iter().all(|x| bounds.contains(x)), "{noisy:?} {goal}: {:?}", level.divisors);
                 assert!(level.means.mean.data.iter().all(|x| x.is_finite()));
             }
             // A goal that nothing meets is none.
             let none = Level::new(&means, 0.0, None).divisors;
-            assert!([-1.1 * noise, -1.0].into_iter().all(|goal| Level::new(&means, goal).divisors == none));
+            assert!([-1.1 * noise, -1.0].into_iter().all(|goal| Level::new(&means, goal, None).divisors == none));
         }
     }
 
@@ -237,7 +237,7 @@ mod tests {
         let mut means = Means::default();
         means.fill([&values, &values], 3, &(0..3), [1; 2]).unwrap();
         for goal in [0.0, 0.1] {
-            assert_eq!(Level::new(&means, goal).divisors, [1.0; 3]);
+            assert_eq!(Level::new(&means, goal, None).divisors, [1.0; 3]);
         }
     }
 }

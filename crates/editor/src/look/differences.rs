@@ -29,7 +29,10 @@ impl Look {
     pub fn edit_words(&self, other: &Look) -> Option<String> {
         let things = self.differences(other).iter().map(|path| self.thing_words(other, path)).collect::<BTreeSet<_>>();
         let first = things.first()?.clone();
-        Some(if things.len() == 1 { first } else { format!("{first} and {} more", things.len() - 1) })
+        Some(match things.len().saturating_sub(1) {
+            0 => first,
+            n_more => format!("{first} and {n_more} more"),
+        })
     }
 
     fn thing_words(&self, other: &Look, path: &str) -> String {

@@ -137,7 +137,7 @@ mod tests {
     /// Light of a lamp over the pane at a place below it.
     fn light(scene: &PreparedScene, place: Vec3) -> Vec3 {
         let above = FreeLamp { position: CENTER + Vec3::Y, aim: CENTER, ..lamp(LampShape::Point) };
-        PreparedLamps::new(&[above], None).expect("a lamp").0.irradiance(scene, place, Vec3::Y)
+        PreparedLamps::new(&[above], None).expect("a lamp").0.irradiance(scene, place, Vec3::Y, None)
     }
 
     #[test]
