@@ -13,7 +13,7 @@ use crate::{
     matrix::{SampledMatrix, SparseEntry},
     means::Means,
     partition::Partition,
-    project::{factor, factor_levelled},
+    project::{Asked, factor, factor_levelled},
     random::Random,
     rivals::{self, Method, MethodError},
     run::Run,
@@ -54,6 +54,13 @@ const WEAKEST: f64 = 1.0 / 128.0;
 /// is taken as it is, at most 1.
 pub(crate) fn strength(mean_square: f64, strong: f32) -> f64 {
     if strong > 0.0 { (mean_square.max(0.0).sqrt() / f64::from(strong)).clamp(WEAKEST, 1.0) } else { 1.0 }
+}
+
+/// The same of a column that is stored: beyond the reach of [`strength`] it asks for the less the weaker it is, and for nothing where it holds
+/// nothing.
+pub(crate) fn strength_to_store(mean_square: f64, strong: f32) -> f64 {
+    let own = mean_square.max(0.0).sqrt() / f64::from(strong).max(f64::MIN_POSITIVE);
+    if own < WEAKEST { (WEAKEST * WEAKEST / own.max(f64::MIN_POSITIVE)).min(1.0) } else { own.min(1.0) }
 }
 
 /// Columns that are compressed together.
@@ -334,20 +341,26 @@ pub(crate) fn unpacked(
     let is_hopeless = is_asked && means.noise_per_entry() > HOPELESS * goal;
     let is_apart = group.apart > 0.0 && matches!(group.tolerance, Tolerance::AbsoluteMeanSquare(_));
     let apart = if is_apart { Level::apart(means, group.apart) } else { None };
+    // Columns that are divided by their strength are strong.
+    let weighed = apart.as_ref().map_or(&*means, |level| &level.means);
+    let tolerance = group.tolerance.tightened(weighed, config.strong, group.share);
+    let asked = Asked { group, tolerance, bundle_len: samples.bundle_len, config };
     if !is_hopeless {
         let plain = match &apart {
-            Some(level) => factor_levelled((means, level), samples.bundle_len, group, config, rng()).0,
-            None => factor(means, samples.bundle_len, group, config, rng()),
+            Some(level) => factor_levelled((means, level), asked, rng()).0,
+            None => factor(means, asked, rng()),
         };
         if !is_asked || plain.error() <= goal {
             return Ok(plain);
         }
     }
-    let level = match config.noisy_columns {
-        NoisyColumns::Divided => Level::new(means, goal, apart.as_ref()),
-        NoisyColumns::AsSampled => apart.unwrap_or_else(|| Level::undivided(means)),
+    // What was divided before goes here: as many copies of a block as are needed, and no more, are what a thread takes.
+    let level = match (config.noisy_columns, apart) {
+        (NoisyColumns::Divided, apart) => Level::new(means, goal, apart.as_ref()),
+        (NoisyColumns::AsSampled, Some(level)) => level,
+        (NoisyColumns::AsSampled, None) => Level::undivided(means),
     };
-    let (levelled, error) = factor_levelled((means, &level), samples.bundle_len, group, config, rng());
+    let (levelled, error) = factor_levelled((means, &level), asked, rng());
     // Where rare large samples are the noise, what is left out may seem less than nothing.
     if levelled.truncation.max(0.0) + levelled.sampling <= goal {
         return Ok(levelled);
@@ -356,7 +369,7 @@ pub(crate) fn unpacked(
     let (Some(smoothing), Some(nth)) = (&config.smoothing, nth) else { return Ok(levelled) };
     let smoother = smoothing.of_block(block_idx, nth);
     // Never worse than without, as far as the halves tell.
-    Ok(smoother.factor((means, &level), error, group, config, rng()).unwrap_or(levelled))
+    Ok(smoother.factor((means, &level), error, asked, rng()).unwrap_or(levelled))
 }
 
 /// Takes over the columns of a group.

@@ -15,20 +15,20 @@ use crate::{compress::strength, dense::Dense, means::Means};
 const SHARED: f64 = 4.0;
 /// How many times its noise a column's energy counts as at least where it is divided by its strength: what is mostly noise is not
 /// raised to what others hold.
-const NOISE: f64 = 4.0;
+pub(crate) const NOISE: f64 = 4.0;
 
 /// Samples whose columns have been divided.
 pub(crate) struct Level {
     /// As they are then.
     pub(crate) means: Means,
-    /// By what; the mean of the squares is 1.
+    /// By what; of columns that are divided by their noise alone the mean of the squares is 1.
     divisors: Vec<f32>,
 }
 
 impl Level {
     /// Divides the columns by their noise; `goal` is the mean square error per entry that is allowed, none where it is below 0. What is
     /// shared keeps all divisors within √0.8 and √(columns / 5 + 1), whatever the noise. Columns that were divided before are divided
-    /// once more, by the noise that they have then.
+    /// once more, by the noise that they have then, and within that of what they were divided by.
     pub(crate) fn new(means: &Means, goal: f64, before: Option<&Self>) -> Self {
         let divided = before.map_or(means, |level| &level.means);
         let shared = SHARED * (divided.noise_per_entry() + goal.max(0.0));

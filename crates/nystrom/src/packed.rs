@@ -43,9 +43,10 @@ use self::{
 };
 use crate::{
     codec::CodecError,
-    compress::{strength, tightness},
+    compress::{strength_to_store, tightness},
     dense::Dense,
     factors::BlockFactors,
+    level::NOISE,
     low_rank::BlockLowRank,
     product::product,
     random::Random,
@@ -211,16 +212,17 @@ fn telling(matrix: &BlockLowRank) -> Vec<usize> {
     telling
 }
 
-/// How strong the weakest column is that a block holds, of those within the reach of [`strength`]; 1 where it holds none.
-fn weakest(left: &Dense<f64>, right: &Dense<f64>, strong: f32) -> f64 {
+/// How strong the weakest column is that a block holds. What is mostly error is not stored finely for its weakness, and columns beyond the
+/// reach of [`Strength`] count the less the weaker they are; 1 where it holds none.
+fn weakest(left: &Dense<f64>, right: &Dense<f64>, errors: &[f32], strong: f32) -> f64 {
     let gram = product(left.t(), left.view());
     let energies = product(gram.view(), right.view());
     let of_column = |col: usize| -> f64 {
-        (0..right.n_rows).map(|r| right.row(r)[col] * energies.row(r)[col]).sum::<f64>() / left.n_rows.max(1) as f64
+        let energy = (0..right.n_rows).map(|r| right.row(r)[col] * energies.row(r)[col]).sum::<f64>();
+        let error = errors.get(col).map_or(0.0, |error| f64::from(*error));
+        strength_to_store((energy / left.n_rows.max(1) as f64).max(NOISE * error), strong)
     };
-    let least = strength(0.0, strong);
-    let strengths = (0..right.n_cols).map(|col| strength(of_column(col), strong));
-    strengths.filter(|strength| *strength > least).fold(1.0, f64::min)
+    (0..right.n_cols).map(of_column).fold(1.0, f64::min)
 }
 
 /// A matrix that is being packed.
@@ -266,10 +268,11 @@ impl<'a> Packer<'a> {
         let (left, right) = both(factors);
         let kept = product_with(&left.data, &right.data, left.n_cols, &self.direction, left.n_rows);
         let own_error = f64::from(factors.error.truncation.max(0.0) + factors.error.sampling.max(0.0));
+        let of_block = tightness(coefficients.mean_square(), self.plan.strong);
         let tightness = if self.plan.apart > 0.0 {
-            weakest(&left, &right, self.plan.apart).powi(2)
+            weakest(&left, &right, &factors.column_errors, self.plan.apart).powi(2).min(of_block)
         } else {
-            tightness(coefficients.mean_square(), self.plan.strong)
+            of_block
         };
         let allowed = (f64::from(self.plan.allowed) * tightness).max(OF_HALVES * coefficients.mean_square());
         let energy = energy(factors);

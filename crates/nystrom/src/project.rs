@@ -34,16 +34,20 @@ const WIDTHS: [f64; 2] = [0.4, 0.6];
 /// Share of the mean-square goal that narrowing may lose.
 const NARROWING: f64 = 0.125;
 
+/// What is asked of a group of columns of a block.
+#[derive(Clone, Copy)]
+pub(crate) struct Asked<'a> {
+    pub(crate) group: &'a ColumnGroup,
+    /// What is asked of the rank, see [`Tolerance::tightened`].
+    pub(crate) tolerance: Tolerance,
+    /// Rows per bundle.
+    pub(crate) bundle_len: usize,
+    pub(crate) config: &'a CompressConfig,
+}
+
 /// Compresses one group of columns of a block.
-pub(crate) fn factor(
-    means: &Means,
-    bundle_len: usize,
-    group: &ColumnGroup,
-    config: &CompressConfig,
-    rng: Random,
-) -> Unpacked {
-    let ColumnGroup { preserved, .. } = group;
-    let tolerance = group.tolerance.tightened(means, config.strong, group.share);
+pub(crate) fn factor(means: &Means, asked: Asked<'_>, rng: Random) -> Unpacked {
+    let Asked { group: ColumnGroup { preserved, .. }, tolerance, bundle_len, config } = asked;
     let [of_a, of_b, mut of_mean] = fitted(means, bundle_len, tolerance, config, rng);
     let measured = measured(means, [&of_a, &of_b], tolerance, config);
     of_mean.keep(measured.rank);
@@ -62,16 +66,8 @@ pub(crate) fn factor(
 }
 
 /// The same found in divided columns, where noise is in the way or columns are looked at one by one; and the held-out error in these.
-pub(crate) fn factor_levelled(
-    (means, level): (&Means, &Level),
-    bundle_len: usize,
-    group: &ColumnGroup,
-    config: &CompressConfig,
-    rng: Random,
-) -> (Unpacked, f64) {
-    // Columns that are divided by their strength are strong.
-    let weighed = if group.apart > 0.0 { &level.means } else { means };
-    let tolerance = group.tolerance.tightened(weighed, config.strong, group.share);
+pub(crate) fn factor_levelled((means, level): (&Means, &Level), asked: Asked<'_>, rng: Random) -> (Unpacked, f64) {
+    let Asked { group, tolerance, bundle_len, config } = asked;
     let mut fits: [Fit; 3] = fitted(&level.means, bundle_len, tolerance, config, rng);
     let measured = measured(&level.means, [&fits[0], &fits[1]], tolerance, config);
     fits.iter_mut().for_each(|fit| _ = fit.keep(measured.rank));

@@ -14,7 +14,7 @@
 mod tests;
 
 use crate::{
-    compress::{BlockSamples, ColumnGroup, CompressConfig, CompressError},
+    compress::{BlockSamples, ColumnGroup, CompressError},
     cosine::{Cosines, Direction},
     dense::Dense,
     fit::Fit,
@@ -23,7 +23,7 @@ use crate::{
     measure::held_out,
     packed::ColumnRun,
     partition::Partition,
-    project::{fitted, measured, multiplied},
+    project::{Asked, fitted, measured, multiplied},
     random::Random,
     unpacked::Unpacked,
 };
@@ -47,7 +47,7 @@ pub struct Smoothing {
 
 impl Smoothing {
     /// Bundles of some rows lie as the partition has them, and the columns of each group of a
-    /// [`CompressConfig`] in runs, from its first to its last.
+    /// [`CompressConfig`](crate::CompressConfig) in runs, from its first to its last.
     pub fn new(partition: Partition, bundle_len: usize, groups: Vec<Vec<ColumnRun>>) -> Self {
         let Partition { width, height, tile } = partition;
         let of_rows = [width, height].into_iter().flat_map(|side| [side.min(tile), side % tile]);
@@ -120,13 +120,11 @@ impl Smoother<'_> {
         self,
         (means, level): (&Means, &Level),
         to_beat: f64,
-        group: &ColumnGroup,
-        config: &CompressConfig,
+        Asked { group, tolerance, config, .. }: Asked<'_>,
         rng: Random,
     ) -> Option<Unpacked> {
         let [a, b] = [&level.means.a, &level.means.b].map(|half| self.forward(half));
         let (mut smooth, lost) = self.smoothed(&a, &b, means.unit);
-        let tolerance = group.tolerance.tightened(means, config.strong, group.share);
         let mut fits: [Fit; 3] = fitted(&smooth, self.smoothing.bundle_len, tolerance, config, rng);
         let rank = measured(&smooth, [&fits[0], &fits[1]], tolerance, config).rank;
         fits.iter_mut().for_each(|fit| _ = fit.keep(rank));

@@ -278,7 +278,7 @@ const FIRST_OF_GROWING: u32 = 4;
 /// under that lamp alone the picture falls into squares.
 const LAMPS_APART: usize = 32;
 const LAMPS_APART_IN_PREVIEWS: usize = 64;
-const LAMPS_APART_BYTES: usize = 512 << 20;
+const LAMPS_APART_BYTES: usize = 1 << 30;
 
 /// What a preview aims at where more is asked for: it has no time for ranks that hold nothing but noise.
 const PREVIEW_DB: f32 = 24.0;
@@ -762,15 +762,13 @@ impl BakeJob {
         }
     }
 
-    /// Columns of a group up to which a pass keeps it as it was sampled.
-    fn n_lamps_apart(&self, is_preview: bool) -> usize {
+    /// Columns of a group up to which a pass keeps it as it was sampled, at most so many.
+    fn n_lamps_apart(&self, most: usize) -> usize {
         // A number and its doubt, 16 bits each.
         let column_bytes = 4 * CHANNELS * self.film.n_pixels();
         let lens = || self.scene.lighting.basis.groups.iter().map(|group| group.columns.len());
         let all_bytes = |most: usize| column_bytes * lens().filter(|len| *len <= most).sum::<usize>();
         let fits = |most: &usize| all_bytes(*most) <= LAMPS_APART_BYTES;
-        let is_watched = is_preview && self.passes == Passes::Progressive;
-        let most = if is_watched { LAMPS_APART_IN_PREVIEWS } else { LAMPS_APART };
         (0..=most).rev().find(fits).unwrap_or(0)
     }
 
@@ -1073,7 +1071,7 @@ impl Run<'_> {
             }
         };
         let mut config = self.compression((samples, is_last), &header.column_scale, &partition);
-        config.verbatim = job.n_lamps_apart(samples.is_none());
+        config.verbatim = job.n_lamps_apart(self.most_lamps_apart(pass, samples.is_none()));
         let mut of_patches = PatchBlocks::none(&header);
         if is_last && self.patches(&mut of_patches, (0, blocks), (pass, clock.done()), on_event)?.is_break() {
             return Ok(ControlFlow::Break(()));

@@ -155,6 +155,22 @@ fn a_weak_column_is_stored_as_finely_as_it_is_weak_where_columns_are_apart() {
     assert!(apart < 0.1 * together, "{apart} {together}");
 }
 
+#[test]
+fn blocks_in_which_all_is_weak_are_stored_no_coarser_where_columns_are_apart() {
+    let mut matrix = example(0.05);
+    let block = Arc::make_mut(matrix.blocks[0].as_mut().unwrap());
+    block.scale.iter_mut().for_each(|scale| *scale /= 65536.0);
+    block.sparse.clear();
+    let error = |apart: f32| {
+        let plan = PackPlan { strong: 0.25, apart, preserved: Vec::new(), ..plan(1e-3) };
+        let unpacked = PackedMatrix::pack(&matrix, &plan).unpack().unwrap();
+        let [a, b] = [&matrix, &unpacked].map(|matrix| matrix.blocks[0].as_ref().unwrap().dense());
+        a.iter().zip(&b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
+    };
+    let (together, apart) = (error(0.0), error(0.5));
+    assert!(apart <= 1.1 * together, "{apart} {together}");
+}
+
 /// The noise of one column says nothing of the others.
 #[test]
 fn a_noisy_block_is_stored_at_worst_as_a_block_without_noise() {

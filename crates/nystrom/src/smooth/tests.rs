@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::{
-    compress::{Tolerance, compress_block},
+    compress::{CompressConfig, Tolerance, compress_block},
     factors::BlockFactors,
 };
 

@@ -230,7 +230,10 @@ pub(super) fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<Strin
     let basis = if same_lights { found.basis.clone() } else { asked.basis.clone() };
     let same_scale =
         BakeHeader { basis, column_scale, sky_reach, irradiance, patches, spared, grounds, ..asked.clone() };
-    if *found == same_scale {
+    let settings = [found, asked].map(|header| header.grounds.as_ref().map(|grounds| &grounds.settings));
+    let same_settings = found.config == asked.config && found.skips == asked.skips;
+    let is_of_other_program = same_settings && settings[0] != settings[1];
+    if *found == same_scale && !is_of_other_program {
         return None;
     }
     let what_changed =
@@ -242,6 +245,7 @@ pub(super) fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<Strin
         (!same_lights, "its lights differ".into()),
         (found.skips != asked.skips, "it skips other work".into()),
         (!same_rows, "its rows of irradiance differ".into()),
+        (is_of_other_program, "another version of the program began it".into()),
         (found.config != asked.config, format!("its options are {:?}", found.config)),
         (found.scene != asked.scene, format!("its scene is {}", found.scene)),
     ];

@@ -1,7 +1,7 @@
 //! Laws of the files: what is written comes back, every version stays readable, and damage is seen.
 
 use super::*;
-use crate::bake::BakeHeader;
+use crate::bake::{BakeHeader, Grounds};
 use crate::light::LightRig;
 
 /// A file of each version, as the programs of their time wrote them.
@@ -383,6 +383,22 @@ fn a_half_done_bake_is_taken_up_whatever_another_machine_reckons_of_unlit_surfac
     assert_eq!(part::difference(&header, &of(SourceKind::Constant, 65.0)), None);
     let said = part::difference(&of(SourceKind::Emitter, 64.0), &of(SourceKind::Emitter, 65.0));
     assert_eq!(said.as_deref(), Some("its lights differ"));
+}
+
+#[test]
+fn a_half_done_bake_of_another_version_of_the_program_is_not_taken_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let (header, _) = part_of_fixture(&folder.path().join("a.transport.part"));
+    let of = |settings: &str| {
+        let [surfaces, view] = ["surfaces", "view"].map(String::from);
+        let grounds = Grounds { surfaces, seen: None, view, settings: settings.into(), lights: Vec::new() };
+        BakeHeader { grounds: Some(grounds), ..header.clone() }
+    };
+    assert_eq!(part::difference(&of("these"), &of("these")), None);
+    let said = part::difference(&of("those"), &of("these"));
+    assert_eq!(said.as_deref(), Some("another version of the program began it"));
+    // Files of before say nothing of it.
+    assert_eq!(part::difference(&header, &header), None);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use clerestory_nystrom::{BlockFactors, BlockLowRank, Denoiser, Partition};
 use rayon::prelude::*;
 
 use super::focus::Focus;
-use super::{BakeEvent, BakeJob, Run};
+use super::{BakeEvent, BakeJob, LAMPS_APART, LAMPS_APART_IN_PREVIEWS, Passes, Run};
 use crate::figures::error_db;
 use crate::guides::Guides;
 use crate::matrix::CHANNELS;
@@ -165,6 +165,14 @@ impl Run<'_> {
     /// Whether a pass is denoised. What other methods make is there to be compared as it is.
     pub(super) fn is_denoised(&self, is_last: bool) -> bool {
         self.job.config.denoise && (!is_last || self.job.config.method == Method::default())
+    }
+
+    /// Columns of a group that a pass may keep as they were sampled: noise that is kept is taken out afterwards.
+    pub(super) fn most_lamps_apart(&self, pass: u32, is_preview: bool) -> usize {
+        if is_preview && self.job.passes == Passes::Progressive {
+            return LAMPS_APART_IN_PREVIEWS;
+        }
+        if self.is_denoised(pass == self.last) { LAMPS_APART } else { 0 }
     }
 
     /// Says how exact the picture of a pass is.

@@ -32,6 +32,9 @@ pub struct Grounds {
     pub lights: Vec<String>,
 }
 
+/// Raised whenever the same scene and settings give other bytes than before.
+const REVISION: u32 = 1;
+
 /// Before the hash of a lamp without strength in its file: its columns may never have been traced.
 const OFF: &str = "off-";
 
@@ -47,7 +50,7 @@ impl BakeJob {
     /// What its columns will rest on.
     pub fn grounds(&self) -> Grounds {
         let skips: Vec<Skip> = self.scene.skips.off().into_iter().filter(|skip| *skip != Skip::Reuse).collect();
-        let settings = (env!("CARGO_PKG_VERSION"), &self.config, skips);
+        let settings = (env!("CARGO_PKG_VERSION"), REVISION, &self.config, skips);
         let settings = serde_json::to_vec(&settings).expect("settings always have a JSON form");
         let (n_lights, maps) = (self.scene.lighting.emitters.len(), maps_of_lights(&self.scene.scene));
         let out = shut_out(&self.scene, self.camera.position());

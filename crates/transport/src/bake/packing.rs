@@ -58,7 +58,8 @@ impl BakeHeader {
                 columns: self.basis.runs(group),
                 allowed: allowed(group.kind),
                 strong: BRIGHT,
-                apart: apart(group.kind),
+                // Pictures are compressed together.
+                apart: if self.basis.is_measured() { 0.0 } else { apart(group.kind) },
                 preserved: file_light[group.columns.start as usize..group.columns.end as usize].to_vec(),
             };
             self.basis.groups.iter().map(plan).collect()

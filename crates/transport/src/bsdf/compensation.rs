@@ -152,7 +152,7 @@ impl Repeated {
         made.lost = made.lost_at(cos, side);
         // Mean transmittance from the rarer side [Kulla2017]; from the denser one it is η² times less. Both sides pass on the
         // same light, the lesser of what their own would be.
-        let from_rarer = 1.0 - (own * ((eta - 1.0) / (4.085_67 + 1.000_71 * eta)) + all);
+        let from_rarer = (1.0 - (own * ((eta - 1.0) / (4.085_67 + 1.000_71 * eta)) + all)).clamp(0.0, 1.0);
         let [near, far] = [made.means[side], made.means[1 - side]];
         made.passed = from_rarer * if side == 0 { 1.0 } else { 1.0 / (eta * eta) } * (far / near).min(1.0);
         made
