@@ -273,9 +273,12 @@ fn names_in(folder: &Path) -> Vec<String> {
     names
 }
 
+/// Sends a signal. The end of a terminal comes twice at once, from the shell and from the kernel.
 #[cfg(unix)]
 fn signal(child: &Child, name: &str) {
-    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
+    let kill = format!("kill {name} {}", child.id());
+    let script = if name == "-HUP" { format!("{kill} && {kill}") } else { kill };
+    assert!(Command::new("sh").args(["-c", &script]).status().unwrap().success());
 }
 
 /// Signals that end a command, and its exit codes then. What this process ignores, those that it starts ignore, too.
