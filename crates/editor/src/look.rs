@@ -36,7 +36,7 @@ use serde_json::Value;
 
 use crate::marks::{Marked, Probed};
 use crate::output::write_whole;
-use crate::words::in_words;
+use crate::words::{in_words, unmarked};
 pub use display::{Display, FalseColor, Quantity, Units};
 use lamps::MAX_LAMPS;
 pub use on_disk::OnDisk;
@@ -258,10 +258,21 @@ impl Look {
     }
 }
 
+/// Whether a file is a look, whatever it is called: it says so, and can be read as one.
+pub fn is_look(path: &Path) -> bool {
+    // Of a pipe nothing is read.
+    let text = path.is_file().then(|| read_text(path).ok()).flatten();
+    let says_so = |text: &str| {
+        let document = serde_json::from_str::<Value>(unmarked(text));
+        document.is_ok_and(|document| document.get("clerestory").is_some())
+    };
+    text.is_some_and(|text| says_so(&text) && Look::from_json(&text).is_ok())
+}
+
 /// The scene that the look of a file is for, from the root: where the file says so, and it is still there.
 pub fn scene_of_file(path: &Path) -> Option<PathBuf> {
     let text = read_text(path).ok()?;
-    let document: Value = serde_json::from_str(text.strip_prefix('\u{feff}').unwrap_or(&text)).ok()?;
+    let document: Value = serde_json::from_str(unmarked(&text)).ok()?;
     let scene = path.parent()?.join(document.get("scene_file")?.as_str()?);
     let scene = std::path::absolute(&scene).unwrap_or(scene);
     scene.exists().then_some(scene)
@@ -301,6 +312,19 @@ mod tests {
         look.lights.groups.insert("kind:Panels".into(), LightGroup { lights, intensity: 0.5, muted: true });
         look.names.insert("Dark".into(), "Wall, \"left\"".into());
         look
+    }
+
+    #[test]
+    fn a_look_is_told_by_what_it_holds() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("best.json");
+        assert!(!is_look(&path), "it is not there");
+        rich().save(&path).unwrap();
+        assert!(is_look(&path));
+        for other in [r#"{"wishes": [{"times": 2}]}"#, r#"{"lights": {}}"#, r#"{"clerestory": 99}"#, "PNG"] {
+            std::fs::write(&path, other).unwrap();
+            assert!(!is_look(&path), "{other}");
+        }
     }
 
     #[test]

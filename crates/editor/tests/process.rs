@@ -692,8 +692,15 @@ fn what_is_wished_in_a_look_is_solved_where_nothing_else_is_named() {
     let written = std::fs::read_to_string(path("solved.look")).unwrap();
     assert!(written.contains("looks/as-it-is.exr") && written.contains("work plane 0.5 m"), "{written}");
     answer(folder.path(), "solve room.transport --look solved.look -o again.look");
+    // Its own earlier answer is no file of another kind, whatever it is called; wishes are.
+    for _ in 0..2 {
+        answer(folder.path(), "solve room.transport --look solved.look -o best.json");
+    }
     // What is named takes their place, and a look without any is nothing to solve for.
     std::fs::write(path("own.json"), r#"{"wishes": [{"times": 2}]}"#).unwrap();
+    let output = run(folder.path(), "solve room.transport --look solved.look -o own.json");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("own.json is there already and is no .look file"), "{said}");
     let own = answer(folder.path(), "solve room.transport --look solved.look --wishes own.json -o own.look");
     assert_eq!(own["wishes"].as_array().unwrap().len(), 1, "{own}");
     // Lamps of a look take part where the scene is named, which is no place for the answer.
@@ -829,6 +836,9 @@ fn a_transport_is_told_by_its_first_bytes_whatever_it_is_called() {
         .map(|file| answer(folder.path(), &format!("schedule {file} -o {file}.csv"))["luminaires"].clone());
     assert!(!told.as_array().unwrap().is_empty());
     assert_eq!(told, usual);
+    // So is an earlier bake that another one takes the place of.
+    std::fs::rename(folder.path().join("room.t"), folder.path().join("room.bin")).unwrap();
+    succeeds(folder.path(), "bake room.gltf --size 8x6 --spp 1 -o room.bin");
 }
 
 #[test]

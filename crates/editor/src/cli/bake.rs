@@ -156,7 +156,7 @@ fn places_of(output: &Path) -> [PathBuf; 2] {
 /// A place that cannot be written, or is an input, is found out before the long work, not after it.
 fn reserve(output: &Path, inputs: &[(&'static str, &Path)]) -> Result<()> {
     places_of(output).iter().try_for_each(|place| spare_inputs(place, inputs.iter().copied()))?;
-    spare_others(output, &["transport"])?;
+    spare_others(output, &["transport"], archive::is_transport)?;
     drop(PendingFile::create(output)?);
     Ok(())
 }

@@ -18,7 +18,7 @@ use super::bake::merge;
 use super::console::{Answer, Console};
 use super::lamps::{Arriving, DEFAULT_SAMPLES, LampLight, open};
 use super::view::{files_of_look, load_bake, load_look, or_of_file, spare_files, spare_scene, warn_of_unknown_lights};
-use crate::look::{Look, Units};
+use crate::look::{Look, Units, is_look};
 use crate::marks::{Framing, Seen};
 use crate::output::{PendingFile, is_same_file, spare_inputs, spare_others};
 use crate::solve::kept::{Here, Pictures};
@@ -78,7 +78,7 @@ fn spare(args: &SolveArgs, look: &Look) -> Result<()> {
     // The look may be called as its user likes.
     match &args.look {
         Some(look) if is_same_file(output, look) => Ok(()),
-        _ => spare_others(output, &["look"]),
+        _ => spare_others(output, &["look"], is_look),
     }
 }
 
