@@ -211,21 +211,21 @@ impl Look {
         self.wishes.resolve(folder);
     }
 
-    /// What a file at `path` holds: files of its own folder are named relative to that.
-    pub fn json_at(&self, path: &Path) -> String {
-        self.json_for(path, None)
-    }
-
-    /// The same of a look that is for a scene, which lies somewhere.
-    fn json_for(&self, path: &Path, scene: Option<&Path>) -> String {
+    /// What a file at `path` holds of a look that may be for a scene: files of its own folder are named relative to that.
+    pub fn json_for(&self, path: &Path, scene: Option<&Path>) -> String {
         let (mut look, folder) = (self.clone(), path.parent().unwrap_or(Path::new("")));
         for rig in look.rigs_mut() {
             rig.lamps = lamps::relative(&rig.lamps, folder);
             rig.sky.iter_mut().for_each(|sky| sky::relative(sky, folder));
         }
         look.wishes.relative(folder);
-        let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.into());
-        let scene = scene.map(|scene| scene.strip_prefix(&folder).unwrap_or(scene).display().to_string());
+        let from_root = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.into());
+        let own = from_root(path);
+        let scene = scene.map(|scene| {
+            let scene = from_root(scene);
+            let beside = own.parent().and_then(|folder| scene.strip_prefix(folder).ok());
+            beside.unwrap_or(&scene).display().to_string()
+        });
         write::json(&look, scene.as_deref())
     }
 
@@ -271,11 +271,15 @@ pub fn is_look(path: &Path) -> bool {
 
 /// The scene that the look of a file is for, from the root: where the file says so, and it is still there.
 pub fn scene_of_file(path: &Path) -> Option<PathBuf> {
+    named_scene(path).filter(|scene| scene.exists())
+}
+
+/// The same, there or not.
+pub fn named_scene(path: &Path) -> Option<PathBuf> {
     let text = read_text(path).ok()?;
     let document: Value = serde_json::from_str(unmarked(&text)).ok()?;
     let scene = path.parent()?.join(document.get("scene_file")?.as_str()?);
-    let scene = std::path::absolute(&scene).unwrap_or(scene);
-    scene.exists().then_some(scene)
+    Some(std::path::absolute(&scene).unwrap_or(scene))
 }
 
 /// The first of `stem 1`, `stem 2` … that is not taken; without a stem the number alone.

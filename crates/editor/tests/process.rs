@@ -624,6 +624,12 @@ fn wishes_become_a_look_that_meets_them_and_bad_ones_fail_with_words() {
     std::fs::write(path("named.json"), named).unwrap();
     let solved = answer(folder.path(), "solve room.transport --wishes named.json --scene room.gltf -o named.look");
     assert!((solved["lights"][0]["after"].as_f64().unwrap() - 2.0).abs() < 0.01, "{solved}");
+    // The look is for that scene, and stays so.
+    for _ in 0..2 {
+        let written = std::fs::read_to_string(path("named.look")).unwrap();
+        assert!(written.contains(r#""scene_file": "room.gltf""#), "{written}");
+        answer(folder.path(), "solve room.transport --look named.look --wishes wishes.json -o named.look");
+    }
     for (json, words) in [
         (r#"{"wishes": []}"#, "nothing to solve for"),
         (r#"{"wishes": [{"lux": 5, "times": 2}]}"#, "give one of `lux`"),
