@@ -49,7 +49,7 @@ use serde::de::DeserializeOwned;
 
 use crate::action::Action;
 use crate::export::ExportOptions;
-use crate::look::Look;
+use crate::look::{FalseColor, Look};
 use crate::panels::dialogs::{FileDialogs, FileQuestion};
 use crate::panels::heat::HeatMap;
 use crate::panels::lights::LightsState;
@@ -152,6 +152,8 @@ pub struct App {
     asked_frames: Option<[u32; 2]>,
     heat_map: HeatMap,
     heat: Option<heat::Heat>,
+    /// False color of the look a frame ago.
+    false_color_before: Option<FalseColor>,
     recovery: Recovery,
     messages: Messages,
     /// Where the picture lies in the window.
@@ -251,6 +253,7 @@ impl App {
             asked_frames: None,
             heat_map: HeatMap::default(),
             heat: None,
+            false_color_before: None,
             recovery,
             messages,
             picture_area: Rect::NOTHING,

@@ -41,10 +41,17 @@ impl Heat {
 }
 
 impl App {
-    /// The map that was chosen, made anew where blocks came since. False color that came since, by hand or by undo, takes its place: colors
-    /// over colors tell nothing.
+    /// Whether false color is hidden by a map: colors over colors tell nothing.
+    pub(super) fn hides_false_color(&self) -> bool {
+        self.heat_map.kind().is_some()
+    }
+
+    /// The map that was chosen, made anew where blocks came since. False color that came or was changed since, by hand or by undo, takes
+    /// its place.
     pub(super) fn heat_overlay(&mut self, ctx: &Context) -> Option<Overlay> {
-        if self.look.display.false_color.is_some() {
+        let now = self.look.display.false_color;
+        let before = std::mem::replace(&mut self.false_color_before, now);
+        if now.is_some() && now != before {
             self.heat_map = HeatMap::default();
         }
         let Some(kind) = self.heat_map.kind() else {
