@@ -49,7 +49,7 @@ use serde::de::DeserializeOwned;
 
 use crate::action::Action;
 use crate::export::ExportOptions;
-use crate::look::{FalseColor, Look};
+use crate::look::Look;
 use crate::panels::dialogs::{FileDialogs, FileQuestion};
 use crate::panels::heat::HeatMap;
 use crate::panels::lights::LightsState;
@@ -151,9 +151,7 @@ pub struct App {
     /// The first and the last frame of those that are asked for; all of them where nobody says.
     asked_frames: Option<[u32; 2]>,
     heat_map: HeatMap,
-    heat: Option<heat::Heat>,
-    /// False color of the look a frame ago.
-    false_color_before: Option<FalseColor>,
+    heat: heat::HeatDesk,
     recovery: Recovery,
     messages: Messages,
     /// Where the picture lies in the window.
@@ -252,8 +250,7 @@ impl App {
             export: left(cc, EXPORT_KEY),
             asked_frames: None,
             heat_map: HeatMap::default(),
-            heat: None,
-            false_color_before: None,
+            heat: heat::HeatDesk::default(),
             recovery,
             messages,
             picture_area: Rect::NOTHING,
