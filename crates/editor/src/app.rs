@@ -151,7 +151,7 @@ pub struct App {
     /// The first and the last frame of those that are asked for; all of them where nobody says.
     asked_frames: Option<[u32; 2]>,
     heat_map: HeatMap,
-    heat: Option<heat::Heat>,
+    heat: heat::HeatDesk,
     recovery: Recovery,
     messages: Messages,
     /// Where the picture lies in the window.
@@ -250,7 +250,7 @@ impl App {
             export: left(cc, EXPORT_KEY),
             asked_frames: None,
             heat_map: HeatMap::default(),
-            heat: None,
+            heat: heat::HeatDesk::default(),
             recovery,
             messages,
             picture_area: Rect::NOTHING,

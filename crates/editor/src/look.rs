@@ -36,7 +36,7 @@ use serde_json::Value;
 
 use crate::marks::{Marked, Probed};
 use crate::output::write_whole;
-use crate::words::in_words;
+use crate::words::{in_words, unmarked};
 pub use display::{Display, FalseColor, Quantity, Units};
 use lamps::MAX_LAMPS;
 pub use on_disk::OnDisk;
@@ -211,21 +211,21 @@ impl Look {
         self.wishes.resolve(folder);
     }
 
-    /// What a file at `path` holds: files of its own folder are named relative to that.
-    pub fn json_at(&self, path: &Path) -> String {
-        self.json_for(path, None)
-    }
-
-    /// The same of a look that is for a scene, which lies somewhere.
-    fn json_for(&self, path: &Path, scene: Option<&Path>) -> String {
+    /// What a file at `path` holds of a look that may be for a scene: files of its own folder are named relative to that.
+    pub fn json_for(&self, path: &Path, scene: Option<&Path>) -> String {
         let (mut look, folder) = (self.clone(), path.parent().unwrap_or(Path::new("")));
         for rig in look.rigs_mut() {
             rig.lamps = lamps::relative(&rig.lamps, folder);
             rig.sky.iter_mut().for_each(|sky| sky::relative(sky, folder));
         }
         look.wishes.relative(folder);
-        let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.into());
-        let scene = scene.map(|scene| scene.strip_prefix(&folder).unwrap_or(scene).display().to_string());
+        let from_root = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.into());
+        let own = from_root(path);
+        let scene = scene.map(|scene| {
+            let scene = from_root(scene);
+            let beside = own.parent().and_then(|folder| scene.strip_prefix(folder).ok());
+            beside.unwrap_or(&scene).display().to_string()
+        });
         write::json(&look, scene.as_deref())
     }
 
@@ -258,13 +258,28 @@ impl Look {
     }
 }
 
+/// Whether a file is a look, whatever it is called: it says so, and can be read as one.
+pub fn is_look(path: &Path) -> bool {
+    // Of a pipe nothing is read.
+    let text = path.is_file().then(|| read_text(path).ok()).flatten();
+    let says_so = |text: &str| {
+        let document = serde_json::from_str::<Value>(unmarked(text));
+        document.is_ok_and(|document| document.get("clerestory").is_some())
+    };
+    text.is_some_and(|text| says_so(&text) && Look::from_json(&text).is_ok())
+}
+
 /// The scene that the look of a file is for, from the root: where the file says so, and it is still there.
 pub fn scene_of_file(path: &Path) -> Option<PathBuf> {
+    named_scene(path).filter(|scene| scene.exists())
+}
+
+/// The same, there or not.
+pub fn named_scene(path: &Path) -> Option<PathBuf> {
     let text = read_text(path).ok()?;
-    let document: Value = serde_json::from_str(text.strip_prefix('\u{feff}').unwrap_or(&text)).ok()?;
+    let document: Value = serde_json::from_str(unmarked(&text)).ok()?;
     let scene = path.parent()?.join(document.get("scene_file")?.as_str()?);
-    let scene = std::path::absolute(&scene).unwrap_or(scene);
-    scene.exists().then_some(scene)
+    Some(std::path::absolute(&scene).unwrap_or(scene))
 }
 
 /// The first of `stem 1`, `stem 2` … that is not taken; without a stem the number alone.
@@ -301,6 +316,19 @@ mod tests {
         look.lights.groups.insert("kind:Panels".into(), LightGroup { lights, intensity: 0.5, muted: true });
         look.names.insert("Dark".into(), "Wall, \"left\"".into());
         look
+    }
+
+    #[test]
+    fn a_look_is_told_by_what_it_holds() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("best.json");
+        assert!(!is_look(&path), "it is not there");
+        rich().save(&path).unwrap();
+        assert!(is_look(&path));
+        for other in [r#"{"wishes": [{"times": 2}]}"#, r#"{"lights": {}}"#, r#"{"clerestory": 99}"#, "PNG"] {
+            std::fs::write(&path, other).unwrap();
+            assert!(!is_look(&path), "{other}");
+        }
     }
 
     #[test]

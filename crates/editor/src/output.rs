@@ -58,8 +58,10 @@ impl PendingFile {
         if path.is_dir() {
             bail!("cannot write {}: it is a folder; add a file name", path.display());
         }
-        if target != path {
-            spare_others(path, &[ending_of(path).as_str()])?;
+        // A link with another ending, or none, is called as its user likes: it tells nothing of what is written.
+        let own = ending_of(path);
+        if target != path && KNOWN_ENDINGS.contains(&own.as_str()) {
+            spare_others(path, &[own.as_str()], |_| false)?;
         }
         let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if !folder.is_dir() {
@@ -136,18 +138,19 @@ pub fn spare_inputs<'a>(output: &Path, inputs: impl IntoIterator<Item = (&'stati
 }
 
 /// Refuses an output that is there already and of another kind than what is written, by its ending or that of the file which a link
-/// leads to: a slip of the finger costs no scene and no picture. `own` are the endings of what is written, without the dot. Files with
-/// endings that nothing is known by are replaced.
+/// leads to: a slip of the finger costs no scene and no picture. `own` are the endings of what is written, without the dot, and
+/// `is_own` says of a file with another ending whether it holds such a thing nevertheless. Files with endings that nothing is known by
+/// are replaced.
 ///
 /// # Errors
 /// Names the file and the endings.
-pub fn spare_others(output: &Path, own: &[&str]) -> Result<()> {
+pub fn spare_others(output: &Path, own: &[&str], is_own: impl Fn(&Path) -> bool) -> Result<()> {
     // A link that leads nowhere leads to no other file.
     let behind = followed(output).unwrap_or_else(|_| output.to_path_buf());
     for place in [output, behind.as_path()] {
         let ending = ending_of(place);
         let is_other = KNOWN_ENDINGS.contains(&ending.as_str()) && !own.contains(&ending.as_str());
-        if is_other && place.is_file() {
+        if is_other && place.is_file() && !is_own(place) {
             let own: Vec<String> = own.iter().map(|ending| format!(".{ending}")).collect();
             bail!(
                 "cannot write {}: {} is there already and is no {} file; give the output another name",
@@ -247,12 +250,14 @@ mod tests {
             fs::write(at(name), b"old").unwrap();
         }
         for name in ["a.glb", "a.PNG"] {
-            let said = spare_others(&at(name), &["csv"]).unwrap_err().to_string();
+            let said = spare_others(&at(name), &["csv"], |_| false).unwrap_err().to_string();
             assert!(said.contains(name) && said.contains("is no .csv file"), "{said}");
         }
         for name in ["a.csv", "a.CSV", "a.dat", "a", "none.glb"] {
-            spare_others(&at(name), &["csv"]).unwrap();
+            spare_others(&at(name), &["csv"], |_| false).unwrap();
         }
+        spare_others(&at("a.PNG"), &["csv"], |file| fs::read(file).unwrap() == b"old").unwrap();
+        spare_others(&at("a.PNG"), &["csv"], |file| fs::read(file).unwrap() == b"new").unwrap_err();
         #[cfg(unix)]
         {
             std::os::unix::fs::symlink("a.glb", at("link.csv")).unwrap();
@@ -278,6 +283,10 @@ mod tests {
         assert_eq!((fs::read(&target).unwrap(), link.is_symlink()), (b"second".to_vec(), true));
         assert_eq!(fs::metadata(&target).unwrap().permissions().mode() & 0o777, 0o600);
         assert_eq!(names(&folder.path().join("big")), ["b.look"]);
+        // A link may be called as its user likes.
+        symlink("b.look", folder.path().join("big/latest")).unwrap();
+        write_whole(&folder.path().join("big/latest"), b"third").unwrap();
+        assert_eq!(fs::read(&target).unwrap(), b"third");
         symlink("loop", folder.path().join("loop")).unwrap();
         assert!(PendingFile::create(&folder.path().join("loop")).is_err());
     }

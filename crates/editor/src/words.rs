@@ -19,6 +19,11 @@ pub fn unmarked(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
+/// How many columns a matrix has.
+pub fn columns_words(n: u64) -> String {
+    if n == 1 { "1 column".into() } else { format!("{n} columns") }
+}
+
 /// That a share of a lamp's light meets mirrors and clear glass, which throw it on unseen; `key` is the lamp's.
 fn caustics_words(key: &str, share: f32) -> String {
     format!(
@@ -52,6 +57,11 @@ mod tests {
         let told = "`bulb` sends 17 % of its light onto mirrors and clear glass, whose caustics are not carried";
         assert_eq!(lacking_words("bulb", &lacking), [Some(told.to_owned()), None]);
         assert_eq!(lacking_words("bulb", &Lacking::default()), [None, None]);
+    }
+
+    #[test]
+    fn one_column_is_not_told_as_several() {
+        assert_eq!([0, 1, 18].map(columns_words), ["0 columns", "1 column", "18 columns"]);
     }
 
     #[test]

@@ -217,7 +217,7 @@ fn maps_of_rank_layers_of_error_and_samples_lie_over_the_picture() {
 }
 
 #[test]
-fn a_heat_map_and_false_color_take_each_others_place() {
+fn a_heat_map_hides_false_color_and_one_that_is_chosen_takes_its_place() {
     let mut window = baked();
     let scales = |window: &Window| {
         ["Scale of rank", "Scale of luminance"].map(|words| window.query_all_by_label_contains(words).count())
@@ -237,9 +237,17 @@ fn a_heat_map_and_false_color_take_each_others_place() {
     assert_eq!(scales(&window), [0, 1]);
     show_rank(&mut window);
     assert_eq!(scales(&window), [1, 0]);
-    assert_eq!(window.state().look().display.false_color, None);
-    // The way back leads to false color, which the map left; nothing lies over it.
+    assert!(window.state().look().display.false_color.is_some(), "a way of looking edits nothing");
+    reach(&mut window, "Heat map");
+    click(&mut window, "Off");
+    wait(&mut window, App::is_settled);
+    assert_eq!(scales(&window), [0, 1]);
+    // Where the way back leads to false color, nothing lies over it.
     click(&mut window, "Undo");
+    assert_eq!(window.state().look().display.false_color, None);
+    show_rank(&mut window);
+    assert_eq!(scales(&window), [1, 0]);
+    click(&mut window, "Redo");
     wait(&mut window, App::is_settled);
     assert_eq!(scales(&window), [0, 1]);
 }

@@ -273,9 +273,12 @@ fn names_in(folder: &Path) -> Vec<String> {
     names
 }
 
+/// Sends a signal. The end of a terminal comes twice at once, from the shell and from the kernel.
 #[cfg(unix)]
 fn signal(child: &Child, name: &str) {
-    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
+    let kill = format!("kill {name} {}", child.id());
+    let script = if name == "-HUP" { format!("{kill} && {kill}") } else { kill };
+    assert!(Command::new("sh").args(["-c", &script]).status().unwrap().success());
 }
 
 /// Signals that end a command, and its exit codes then. What this process ignores, those that it starts ignore, too.
@@ -621,6 +624,12 @@ fn wishes_become_a_look_that_meets_them_and_bad_ones_fail_with_words() {
     std::fs::write(path("named.json"), named).unwrap();
     let solved = answer(folder.path(), "solve room.transport --wishes named.json --scene room.gltf -o named.look");
     assert!((solved["lights"][0]["after"].as_f64().unwrap() - 2.0).abs() < 0.01, "{solved}");
+    // The look is for that scene, and stays so.
+    for _ in 0..2 {
+        let written = std::fs::read_to_string(path("named.look")).unwrap();
+        assert!(written.contains(r#""scene_file": "room.gltf""#), "{written}");
+        answer(folder.path(), "solve room.transport --look named.look --wishes wishes.json -o named.look");
+    }
     for (json, words) in [
         (r#"{"wishes": []}"#, "nothing to solve for"),
         (r#"{"wishes": [{"lux": 5, "times": 2}]}"#, "give one of `lux`"),
@@ -689,8 +698,15 @@ fn what_is_wished_in_a_look_is_solved_where_nothing_else_is_named() {
     let written = std::fs::read_to_string(path("solved.look")).unwrap();
     assert!(written.contains("looks/as-it-is.exr") && written.contains("work plane 0.5 m"), "{written}");
     answer(folder.path(), "solve room.transport --look solved.look -o again.look");
+    // Its own earlier answer is no file of another kind, whatever it is called; wishes are.
+    for _ in 0..2 {
+        answer(folder.path(), "solve room.transport --look solved.look -o best.json");
+    }
     // What is named takes their place, and a look without any is nothing to solve for.
     std::fs::write(path("own.json"), r#"{"wishes": [{"times": 2}]}"#).unwrap();
+    let output = run(folder.path(), "solve room.transport --look solved.look -o own.json");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("own.json is there already and is no .look file"), "{said}");
     let own = answer(folder.path(), "solve room.transport --look solved.look --wishes own.json -o own.look");
     assert_eq!(own["wishes"].as_array().unwrap().len(), 1, "{own}");
     // Lamps of a look take part where the scene is named, which is no place for the answer.
@@ -826,6 +842,9 @@ fn a_transport_is_told_by_its_first_bytes_whatever_it_is_called() {
         .map(|file| answer(folder.path(), &format!("schedule {file} -o {file}.csv"))["luminaires"].clone());
     assert!(!told.as_array().unwrap().is_empty());
     assert_eq!(told, usual);
+    // So is an earlier bake that another one takes the place of.
+    std::fs::rename(folder.path().join("room.t"), folder.path().join("room.bin")).unwrap();
+    succeeds(folder.path(), "bake room.gltf --size 8x6 --spp 1 -o room.bin");
 }
 
 #[test]

@@ -8,10 +8,19 @@ use eframe::egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
 
 use super::App;
 use crate::legend::{Counting, ScaleBar};
+use crate::look::FalseColor;
 use crate::panels::heat::{HeatMap, Overlay};
 
-/// The map that is shown.
-pub(super) struct Heat {
+/// The map that is shown, and what would take its place.
+#[derive(Default)]
+pub(super) struct HeatDesk {
+    painted: Option<Heat>,
+    /// False color of the look a frame ago.
+    false_color: Option<FalseColor>,
+}
+
+/// A map as it was painted.
+struct Heat {
     map: HeatMap,
     /// Which count of the blocks it is of.
     n_counts: u64,
@@ -31,6 +40,13 @@ const STEP_DB: f32 = 5.0;
 /// Share of the blocks beyond each end of a scale of decibels, at most.
 const OUTSIDE: f64 = 0.02;
 
+impl HeatDesk {
+    /// The map is painted anew.
+    pub fn forget(&mut self) {
+        self.painted = None;
+    }
+}
+
 impl Heat {
     /// The value of the block of a pixel.
     fn at(&self, [x, y]: [u32; 2]) -> Option<f32> {
@@ -41,22 +57,29 @@ impl Heat {
 }
 
 impl App {
-    /// The map that was chosen, made anew where blocks came since. False color that came since, by hand or by undo, takes its place: colors
-    /// over colors tell nothing.
+    /// Whether false color is hidden by a map: colors over colors tell nothing.
+    pub(super) fn hides_false_color(&self) -> bool {
+        self.heat_map.kind().is_some()
+    }
+
+    /// The map that was chosen, made anew where blocks came since. False color that came or was changed since, by hand or by undo, takes
+    /// its place.
     pub(super) fn heat_overlay(&mut self, ctx: &Context) -> Option<Overlay> {
-        if self.look.display.false_color.is_some() {
+        let now = self.look.display.false_color;
+        let before = std::mem::replace(&mut self.heat.false_color, now);
+        if now.is_some() && now != before {
             self.heat_map = HeatMap::default();
         }
         let Some(kind) = self.heat_map.kind() else {
-            self.heat = None;
+            self.heat.forget();
             return None;
         };
         let (n_counts, map) = (self.session.n_counts(), self.heat_map);
         let is_current = |heat: &Heat| (heat.map, heat.n_counts) == (map, n_counts);
-        if !self.heat.as_ref().is_some_and(is_current) {
-            self.heat = self.paint_heat(ctx, kind, map, n_counts);
+        if !self.heat.painted.as_ref().is_some_and(is_current) {
+            self.heat.painted = self.paint_heat(ctx, kind, map, n_counts);
         }
-        let heat = self.heat.as_ref()?;
+        let heat = self.heat.painted.as_ref()?;
         let bar = ScaleBar { name: map.name(), unit: map.unit(), scale: heat.scale, counting: map.counting() };
         let hovered = self.view.probes.hover.and_then(|px| heat.at(px));
         Some(Overlay { texture: heat.texture.id(), covered: heat.covered, bar, hovered })

@@ -170,7 +170,7 @@ impl App {
         self.prints.forget();
         self.camera.forget_picture();
         self.daylight.forget_picture();
-        self.heat = None;
+        self.heat.forget();
         self.title.clear();
         self.pulse.iter_mut().for_each(|pulse| pulse.say_now("another window goes on"));
         self.say("The graphics device was lost; this window goes on with another one");

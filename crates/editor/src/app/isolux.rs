@@ -61,7 +61,7 @@ impl App {
             Some(Err(words)) => self.complain(words),
             None => {}
         }
-        let isolux = self.look.display.isolux();
+        let isolux = if self.hides_false_color() { Isolux::Off } else { self.look.display.isolux() };
         let shown = self.session.shown.as_ref().filter(|shown| shown.pixel_irradiance().is_some());
         let Some(shown) = shown.filter(|_| isolux != Isolux::Off) else {
             self.isolux.drawn = None;

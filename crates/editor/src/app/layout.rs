@@ -189,11 +189,8 @@ impl App {
         let is_of_scene = view.can_bake && view.pictures.is_none();
         let own = if view.pictures.is_some() { &mut self.stack_settings } else { &mut self.settings };
         let shown = of_file.as_mut().unwrap_or(own);
-        let (before, map_before) = (shown.clone(), self.heat_map);
+        let before = shown.clone();
         bake_ui(ui, shown, &mut self.heat_map, &view, &mut self.actions);
-        if self.heat_map != map_before && self.heat_map.kind().is_some() {
-            self.look.display.false_color = None;
-        }
         if *shown != before && is_of_scene {
             self.habits = BakeHabits::of(shown, self.camera.camera.as_ref());
         }

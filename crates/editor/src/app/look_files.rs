@@ -6,7 +6,7 @@ use eframe::egui::Context;
 
 use super::App;
 use crate::action::FileTask;
-use crate::look::{Look, OnDisk};
+use crate::look::{Look, OnDisk, named_scene};
 use crate::panels::dialogs::{ReplaceAnswer, replace_ui};
 use crate::session::Wake;
 use crate::session::aside::Aside;
@@ -184,8 +184,9 @@ impl App {
     }
 
     fn write_look(&mut self, path: PathBuf) {
-        let scene = self.session.opened.as_ref().and_then(|opened| opened.path.as_deref());
-        let saved = self.look.save_for(&path, scene);
+        let opened = self.session.opened.as_ref().and_then(|opened| opened.path.clone());
+        let own = self.look_path.as_ref().filter(|own| **own == path).and_then(|own| named_scene(own));
+        let saved = self.look.save_for(&path, scene_to_name(own, opened).as_deref());
         match saved {
             Ok(on_disk) => {
                 self.say(format!("Saved {}", path.display()));
@@ -226,11 +227,33 @@ impl App {
     }
 }
 
+/// The scene that a look is saved for: the open one. Where nothing with a path is open, or another one in place of that which the file
+/// names and which is away, the file keeps its `own`.
+fn scene_to_name(own: Option<PathBuf>, opened: Option<PathBuf>) -> Option<PathBuf> {
+    own.filter(|own| opened.is_none() || !own.exists()).or(opened)
+}
+
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
 
     use super::*;
+
+    #[test]
+    fn a_look_whose_scene_is_away_is_not_bound_to_another_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let [here, other] = ["here.glb", "other.glb"].map(|name| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, "").unwrap();
+            Some(path)
+        });
+        let away = Some(folder.path().join("away.glb"));
+        assert_eq!(scene_to_name(away.clone(), other.clone()), away);
+        assert_eq!(scene_to_name(away.clone(), None), away);
+        assert_eq!(scene_to_name(here.clone(), None), here);
+        assert_eq!(scene_to_name(here, other.clone()), other);
+        assert_eq!(scene_to_name(None, other.clone()), other);
+    }
 
     #[test]
     fn a_look_that_is_still_being_read_is_none_of_the_scene_that_is_opened() {

@@ -223,7 +223,10 @@ impl App {
 
     /// Has the picture follow what is to be seen.
     pub(super) fn follow(&mut self, ctx: &Context) {
-        let seen = self.seen();
+        let mut seen = self.seen();
+        if self.hides_false_color() {
+            seen.display.false_color = None;
+        }
         if let Err(words) = self.follower.follow(ctx, &mut self.session, &seen, &self.lights.solo) {
             self.complain(words);
         } else if self.follower.take_return() {

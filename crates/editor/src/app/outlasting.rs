@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use eframe::egui::{Context, ThemePreference};
 use eframe::{CreationContext, Storage};
@@ -20,6 +21,9 @@ const THEME_KEY: &str = "theme";
 const TEXT_SIZE_KEY: &str = "text_size";
 /// What eframe keeps by itself.
 const TOOLKIT_KEYS: [&str; 2] = ["egui", "window"];
+/// How often a file that another window may be writing is read, and the time in between.
+const READS: usize = 5;
+const PAUSE: Duration = Duration::from_millis(10);
 /// Text sizes that the toolkit can be set to.
 const TEXT_SIZES: std::ops::RangeInclusive<f32> = 0.2..=5.0;
 
@@ -70,9 +74,22 @@ impl Appearance {
     }
 }
 
-/// What lies in the file now.
+/// What lies in the file now. One that cannot be read as a whole is being written by another window, which is soon done.
 fn state_in(file: &Path) -> Option<BTreeMap<String, String>> {
-    decoded(std::fs::read_to_string(file).ok()?)
+    if !file.exists() {
+        return None;
+    }
+    first_whole(|| decoded(std::fs::read_to_string(file).ok()?))
+}
+
+/// What is read first as a whole, after a pause where it was not.
+fn first_whole<T>(mut read: impl FnMut() -> Option<T>) -> Option<T> {
+    (0..READS).find_map(|nth| {
+        if nth > 0 {
+            std::thread::sleep(PAUSE);
+        }
+        read()
+    })
 }
 
 impl App {
@@ -125,5 +142,36 @@ impl App {
         if let Some((before, there)) = before.zip(eframe::get_value(there, CHOICES_KEY)) {
             self.choices.kept = self.choices.kept.merged(&before, &there);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_another_window_is_writing_is_read_again() {
+        let whole_after = |n: usize| {
+            let mut n_reads = 0;
+            let read = first_whole(|| {
+                n_reads += 1;
+                (n_reads > n).then_some("whole")
+            });
+            (read, n_reads)
+        };
+        assert_eq!(whole_after(0), (Some("whole"), 1));
+        assert_eq!(whole_after(3), (Some("whole"), 4));
+        assert_eq!(whole_after(9), (None, READS), "it is no state");
+    }
+
+    #[test]
+    fn a_state_that_is_half_written_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("app.ron");
+        assert_eq!(state_in(&file), None, "it is not there");
+        std::fs::write(&file, r#"{"recent": "[]", "#).unwrap();
+        assert_eq!(state_in(&file), None);
+        std::fs::write(&file, r#"{"recent": "[]"}"#).unwrap();
+        assert_eq!(state_in(&file), Some(BTreeMap::from([("recent".into(), "[]".into())])));
     }
 }

@@ -28,6 +28,7 @@ use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs, spare_others};
 use crate::platform::memory_bytes;
 use crate::sizes::bytes_words;
+use crate::words::columns_words;
 
 /// What a bake took.
 #[derive(Clone, Copy, Debug, Default)]
@@ -156,7 +157,7 @@ fn places_of(output: &Path) -> [PathBuf; 2] {
 /// A place that cannot be written, or is an input, is found out before the long work, not after it.
 fn reserve(output: &Path, inputs: &[(&'static str, &Path)]) -> Result<()> {
     places_of(output).iter().try_for_each(|place| spare_inputs(place, inputs.iter().copied()))?;
-    spare_others(output, &["transport"])?;
+    spare_others(output, &["transport"], archive::is_transport)?;
     drop(PendingFile::create(output)?);
     Ok(())
 }
@@ -331,13 +332,13 @@ pub(crate) fn irradiance_words(figures: &[IrradianceFigures]) -> String {
 pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
     let number = |name: &str| figures[name].as_f64().unwrap_or(f64::NAN);
     let size = |name: &str| figures[name].as_u64().map_or("an unknown size".into(), bytes_words);
+    let columns = figures["columns"].as_u64().map_or("an unknown number of columns".into(), columns_words);
     format!(
-        "pixels      {} with {} columns\n\
+        "pixels      {} with {columns}\n\
          blocks      {}, mean rank {:.2}, highest {}\n\
          size        {}{} in memory (dense {}, {:.1} times as large)\n\
          error       {}{}{}{}{}{}{}",
         number("pixels"),
-        number("columns"),
         number("blocks"),
         number("mean_rank"),
         number("max_rank"),
@@ -368,10 +369,11 @@ pub(super) fn reconstruction_words(reconstruction: &Value) -> String {
 /// What free lamps light, a line of its own.
 fn patch_words(figures: &Value) -> String {
     let number = |name: &str| figures[name].as_f64();
-    let Some((patches, columns)) = number("patches").zip(number("columns")) else { return String::new() };
+    let Some((patches, columns)) = number("patches").zip(figures["columns"].as_u64()) else { return String::new() };
     format!(
-        "\npatches     {patches} with {} points in {columns} columns, mean rank {:.2}{}; error {:.1} dB, of lamps never seen {:.1} %",
+        "\npatches     {patches} with {} points in {}, mean rank {:.2}{}; error {:.1} dB, of lamps never seen {:.1} %",
         number("samples").unwrap_or(f64::NAN),
+        columns_words(columns),
         number("mean_rank").unwrap_or(f64::NAN),
         figures["file_bytes"].as_u64().map_or(String::new(), |bytes| format!(", {}", bytes_words(bytes))),
         figures["error_db"]["total"].as_f64().unwrap_or(f64::NAN),

@@ -1,4 +1,5 @@
-//! Ctrl-C, termination and the end of the terminal: the first asks a long command to end in good order, the second ends it at once.
+//! Ctrl-C, termination and the end of the terminal: the first asks a long command to end in good order. A second Ctrl-C or termination
+//! ends it at once; the end of a terminal never does, since shell and kernel both tell of it.
 //!
 //! Until a command begins its long work, and in commands that write nothing, a signal ends the process as ever: there is nothing
 //! to keep and nothing to take away.
@@ -33,7 +34,7 @@ pub struct Interrupt {
     listens: bool,
     /// The signal that came, 0 for none.
     signal: Arc<AtomicUsize>,
-    /// Set by the first signal: the next one ends the process.
+    /// Set by the first Ctrl-C or termination: the next one ends the process.
     again: Arc<AtomicBool>,
 }
 
@@ -103,16 +104,21 @@ impl Interrupt {
         Interrupt { listens: true, ..Interrupt::never() }
     }
 
-    /// From here on the first signal is kept for [`Interrupt::came`], and the second ends the process.
+    /// From here on the first signal is kept for [`Interrupt::came`], and a second Ctrl-C or termination ends the process.
     pub(crate) fn heeded(&mut self) -> Result<Interrupt> {
         if std::mem::take(&mut self.listens) {
-            for signal in [SIGINT, SIGTERM].into_iter().chain(hangup()) {
+            let problem = "cannot listen to Ctrl-C";
+            let kept = |signal: i32| flag::register_usize(signal, self.signal.clone(), signal.unsigned_abs() as usize);
+            for signal in [SIGINT, SIGTERM] {
                 let code = i32::from(SIGNAL_BASE) + signal;
                 // In this order: a signal finds what the one before it has set.
                 flag::register_conditional_shutdown(signal, code, self.again.clone())
                     .and_then(|_| flag::register(signal, self.again.clone()))
-                    .and_then(|_| flag::register_usize(signal, self.signal.clone(), signal.unsigned_abs() as usize))
-                    .context("cannot listen to Ctrl-C")?;
+                    .and_then(|_| kept(signal))
+                    .context(problem)?;
+            }
+            if let Some(signal) = hangup() {
+                kept(signal).context(problem)?;
             }
         }
         Ok(self.clone())

@@ -27,7 +27,7 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
         false => spare_scene(&args.output, &args.file)?,
     }
     spare_look(&args.output, args.look.as_deref(), &look)?;
-    spare_others(&args.output, &["csv"])?;
+    spare_others(&args.output, &["csv"], |_| false)?;
     let place = PendingFile::create(&args.output)?;
     let (basis, scene) = if is_bake {
         let bake = load_bake(&args.file)?;

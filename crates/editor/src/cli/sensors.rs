@@ -49,7 +49,7 @@ pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answe
         spare_inputs(output, [("transport", args.transport.as_path())])?;
         args.scene.iter().try_for_each(|scene| spare_scene(output, scene))?;
         spare_look(output, args.look.as_deref(), &document)?;
-        spare_others(output, &["csv"])?;
+        spare_others(output, &["csv"], |_| false)?;
     }
     let place = args.output.as_deref().map(PendingFile::create).transpose()?;
     let bake = load_bake(&args.transport)?;

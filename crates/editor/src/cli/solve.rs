@@ -18,7 +18,7 @@ use super::bake::merge;
 use super::console::{Answer, Console};
 use super::lamps::{Arriving, DEFAULT_SAMPLES, LampLight, open};
 use super::view::{files_of_look, load_bake, load_look, or_of_file, spare_files, spare_scene, warn_of_unknown_lights};
-use crate::look::{Look, Units};
+use crate::look::{Look, Units, is_look, named_scene};
 use crate::marks::{Framing, Seen};
 use crate::output::{PendingFile, is_same_file, spare_inputs, spare_others};
 use crate::solve::kept::{Here, Pictures};
@@ -55,7 +55,8 @@ pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let solved = solve(&Scene { bake, rig: look.lights.clone(), lamps, seen }, &request)?;
     console.warn_all(solved.notes.iter().map(|note| look.renamed(note)));
     look.lights = solved.rig.clone();
-    place.commit(|writer| Ok(writer.write_all(look.json_at(&args.output).as_bytes())?))?;
+    let scene = args.scene.clone().or_else(|| named_scene(args.look.as_deref()?));
+    place.commit(|writer| Ok(writer.write_all(look.json_for(&args.output, scene.as_deref()).as_bytes())?))?;
     let output = args.output.display().to_string();
     let mut json = json!({ "output": output, "warnings": console.warnings() });
     merge(&mut json, solved.json());
@@ -78,7 +79,7 @@ fn spare(args: &SolveArgs, look: &Look) -> Result<()> {
     // The look may be called as its user likes.
     match &args.look {
         Some(look) if is_same_file(output, look) => Ok(()),
-        _ => spare_others(output, &["look"]),
+        _ => spare_others(output, &["look"], is_look),
     }
 }
 

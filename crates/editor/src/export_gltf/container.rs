@@ -1,6 +1,6 @@
 //! GLB chunks, and the files that a glTF refers to.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -153,11 +153,14 @@ impl Beside {
         match std::fs::read(path) {
             Ok(there) if there == content => Ok(()),
             Ok(_) => bail!("{} is there already and is another file; choose another folder or name", path.display()),
-            Err(_) => {
+            Err(error) if error.kind() == ErrorKind::NotFound => {
                 write_whole(path, content)?;
                 self.0.push(path.to_path_buf());
                 Ok(())
             }
+            Err(error) => Err(error).with_context(|| {
+                format!("{} is there already and cannot be read; choose another folder or name", path.display())
+            }),
         }
     }
 
@@ -173,5 +176,32 @@ impl Drop for Beside {
             // What cannot be removed stays.
             let _ = std::fs::remove_file(path);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_missing_is_written_beside_a_scene() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("same.bin"), b"content").unwrap();
+        std::fs::write(at("other.bin"), b"other").unwrap();
+        // Of a folder nothing can be read, as of a file of somebody else.
+        std::fs::create_dir(at("unreadable.bin")).unwrap();
+        let mut put = Beside::default();
+        for name in ["new.bin", "same.bin"] {
+            put.file(&at(name), b"content").unwrap();
+        }
+        for (name, words) in [("other.bin", "is another file"), ("unreadable.bin", "cannot be read")] {
+            let said = put.file(&at(name), b"content").unwrap_err().to_string();
+            assert!(said.contains(words), "{said}");
+        }
+        // The scene is not written: what came with it goes, and nothing else.
+        drop(put);
+        assert!(!at("new.bin").exists());
+        assert!(at("same.bin").exists() && at("other.bin").exists() && at("unreadable.bin").exists());
     }
 }

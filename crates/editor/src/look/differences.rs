@@ -24,45 +24,61 @@ impl Look {
         paths
     }
 
-    /// What an edit was about that leads here from another look, in words: a light and what of it, or a part of the look, and how many
-    /// more there are.
+    /// What an edit was about that leads here from another look, in words: a light, by what it is called there or else here, and what of
+    /// it, or a part of the look, and how many more there are.
     pub fn edit_words(&self, other: &Look) -> Option<String> {
-        let things = self.differences(other).iter().map(|path| self.thing_words(other, path)).collect::<BTreeSet<_>>();
-        let first = things.first()?.clone();
+        let apart = self.lamps_apart(other);
+        let is_of_lamp = |path: &str, keys: &BTreeSet<&str>| {
+            path.starts_with("lamps.") || path.strip_prefix("names.").is_some_and(|key| keys.contains(key))
+        };
+        let paths = self.differences(other);
+        // Where lamps came or went, those behind them have other numbers.
+        let others = paths.iter().filter(|path| !apart.as_ref().is_some_and(|keys| is_of_lamp(path, keys)));
+        let mut things: BTreeSet<String> = others.map(|path| self.thing_words(path)).collect();
+        match &apart {
+            Some(keys) if keys.is_empty() => _ = things.insert("lamps".into()),
+            Some(keys) => things.extend(keys.iter().map(|key| format!("`{key}`"))),
+            None => {}
+        }
+        let first = things.first()?;
+        let names = self.names.iter().chain(&other.names).map(|(key, name)| (key.clone(), name.clone()));
+        let first = Look { names: names.collect(), ..Look::default() }.renamed(first);
         Some(match things.len().saturating_sub(1) {
             0 => first,
             n_more => format!("{first} and {n_more} more"),
         })
     }
 
-    fn thing_words(&self, other: &Look, path: &str) -> String {
+    fn thing_words(&self, path: &str) -> String {
         let (part, rest) = path.split_once('.').unwrap_or((path, ""));
         match part {
             "lights" => {
                 let parted = rest.rsplit_once('.').filter(|(_, member)| SETTINGS.contains(member));
                 parted.map_or_else(|| format!("`{rest}`"), |(key, member)| format!("`{key}`, {member}"))
             }
-            "lamps" => self.lamp_words(other, rest),
+            "lamps" => self.lamp_words(rest),
             "panels" => "spots".into(),
             "on" => "looks".into(),
             part => part.to_owned(),
         }
     }
 
-    /// The lamp that came or went; else the one of a number, and what of it.
-    fn lamp_words(&self, other: &Look, path: &str) -> String {
-        let [own, others] = [self, other].map(|look| &look.lights.lamps);
-        let (longer, shorter) = if own.len() > others.len() { (own, others) } else { (others, own) };
-        if longer.len() > shorter.len() {
-            let apart = longer.iter().find(|lamp| shorter.iter().all(|kept| kept.key != lamp.key));
-            return apart.map_or_else(|| "lamps".into(), |lamp| format!("`{}`", lamp.key));
-        }
+    /// The lamp of a number, and what of it.
+    fn lamp_words(&self, path: &str) -> String {
         let mut parts = path.split('.');
-        let lamp = parts.next().and_then(|nth| own.get(nth.parse::<usize>().ok()?));
+        let lamp = parts.next().and_then(|nth| self.lights.lamps.get(nth.parse::<usize>().ok()?));
         match (lamp, parts.next()) {
             (Some(lamp), Some(member)) => format!("`{}`, {}", lamp.key, member.replace('_', " ")),
             _ => "lamps".into(),
         }
+    }
+
+    /// Keys of the lamps that came or went; `None` where there are as many as before.
+    fn lamps_apart<'a>(&'a self, other: &'a Look) -> Option<BTreeSet<&'a str>> {
+        let keys = |look: &'a Look| look.lights.lamps.iter().map(|lamp| lamp.key.as_str()).collect::<BTreeSet<_>>();
+        let n_lamps = [self, other].map(|look| look.lights.lamps.len());
+        let [longer, shorter] = if n_lamps[0] > n_lamps[1] { [self, other] } else { [other, self] };
+        (n_lamps[0] != n_lamps[1]).then(|| keys(longer).difference(&keys(shorter)).copied().collect())
     }
 
     /// Without what the other one has alike: what is large and stays is not written.
@@ -160,6 +176,34 @@ mod tests {
         assert_eq!(other.edit_words(&look).as_deref(), Some("`Spot. 1`, intensity"));
         other.display.exposure_ev = Some(1.0);
         assert_eq!(look.edit_words(&other).as_deref(), Some("`Spot. 1`, intensity and 1 more"));
+    }
+
+    #[test]
+    fn of_lamps_that_came_or_went_each_is_told_once() {
+        let lamp = |nth: usize| FreeLamp { key: format!("Globe {nth}"), ..globe() };
+        let mut look = Look::default();
+        look.lights.lamps = (1..=7).map(lamp).collect();
+        let mut fewer = look.clone();
+        fewer.lights.lamps.retain(|lamp| ["Globe 1", "Globe 7"].contains(&lamp.key.as_str()));
+        for [from, to] in [[&look, &fewer], [&fewer, &look]] {
+            assert_eq!(to.edit_words(from).as_deref(), Some("`Globe 2` and 4 more"));
+        }
+        fewer.display.exposure_ev = Some(1.0);
+        assert_eq!(look.edit_words(&fewer).as_deref(), Some("`Globe 2` and 5 more"));
+    }
+
+    #[test]
+    fn lights_are_told_by_what_they_are_called() {
+        let mut look = Look::default();
+        look.lights.lamps.push(globe());
+        look.names.insert("Globe 1".into(), "Desk".into());
+        let mut other = look.clone();
+        other.lights.lamps[0].setting.intensity = 2.0;
+        assert_eq!(other.edit_words(&look).as_deref(), Some("`Desk`, intensity"));
+        // Its name goes with it.
+        let bare = Look::default();
+        assert_eq!(bare.edit_words(&look).as_deref(), Some("`Desk`"));
+        assert_eq!(look.edit_words(&bare).as_deref(), Some("`Desk`"));
     }
 
     #[test]

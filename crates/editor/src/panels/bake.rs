@@ -18,6 +18,7 @@ use crate::session::estimate::Forecast;
 use crate::session::{BakeSettings, BakeState};
 use crate::sizes::bytes_words;
 use crate::theme::{self, Fold};
+use crate::words::columns_words;
 
 /// A name for samples per pixel and tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -378,13 +379,9 @@ fn pass_words(pass: u32, n_passes: u32, pass_done: f32, secs_left: Option<f32>) 
     }
 }
 
-fn columns_words(n: usize) -> String {
-    if n == 1 { "1 column".into() } else { format!("{n} columns") }
-}
-
 fn figures_ui(ui: &mut Ui, (figures, device_bytes): (&Figures, Option<u64>), error: Option<ErrorDb>) {
     let rows = [
-        ("Lights", columns_words(figures.columns), "Columns of the matrix"),
+        ("Lights", columns_words(figures.columns as u64), "Columns of the matrix"),
         ("Blocks", format!("{}", figures.blocks), "Blocks of pixels"),
         ("Rank", format!("{:.1} mean, {} most", figures.mean_rank, figures.max_rank), "Terms that each block needs"),
         ("Memory", bytes_words(figures.bytes as u64), "What relighting reads"),
@@ -412,8 +409,8 @@ fn figures_ui(ui: &mut Ui, (figures, device_bytes): (&Figures, Option<u64>), err
         bias.map(|db| ("Bias", decibels(Some(db)), "Off by shared light, measured on pixels that were traced"));
     let n_reused = figures.skipped.reused_columns;
     let hint = "Columns of an earlier bake with the same surfaces, view and settings; the others were traced";
-    let reused =
-        (n_reused > 0).then(|| ("Taken over", format!("{n_reused} of {}", columns_words(figures.columns)), hint));
+    let reused = (n_reused > 0)
+        .then(|| ("Taken over", format!("{n_reused} of {}", columns_words(figures.columns as u64)), hint));
     let in_full = figures.reconstruction.as_ref().map(|of| {
         (
             "Method",
@@ -475,11 +472,6 @@ mod tests {
     fn the_final_quality_is_the_default_of_the_command_line() {
         let config = BakeConfig::default();
         assert_eq!((QUALITIES[2].spp, QUALITIES[2].tolerance_db), (config.spp, config.tolerance_db));
-    }
-
-    #[test]
-    fn one_column_is_not_told_as_several() {
-        assert_eq!([0, 1, 18].map(columns_words), ["0 columns", "1 column", "18 columns"]);
     }
 
     #[test]

@@ -132,7 +132,7 @@ pub fn heat_ui(ui: &mut Ui, map: &mut HeatMap, view: &BakeView) {
                 value.on_hover_text(choice.hint()).on_disabled_hover_text(unknown);
             }
         });
-        let hint = "Colors over the picture, a color for each block of pixels: what it needed, and how exact it is\nIt takes the place of false color";
+        let hint = "Colors over the picture, a color for each block of pixels: what it needed, and how exact it is\nIt hides false color";
         combo.response.labelled_by(label.id).on_hover_text(format!("{hint}\n{}: {}", map.name(), map.hint()));
     });
 }

@@ -14,9 +14,6 @@ use crate::look::Look;
 use crate::panels::color::KelvinChoice;
 use crate::panels::lamps;
 
-/// Luminance of colors below which there is nothing of them to keep.
-const DARKEST: f32 = 1e-3;
-
 /// What is known of measured lamps, by the path of their file.
 pub(super) type Profiles = BTreeMap<String, Measured>;
 
@@ -93,12 +90,6 @@ impl Listed<'_> {
             LightOf::Look(..) => Vec3::ONE,
             LightOf::Scene(source) => source.color,
         }
-    }
-
-    /// Luminance of that color, where there is enough of it to be divided by; else 1.
-    pub fn own_luminance(&self) -> f32 {
-        let own = luminance(self.own_color());
-        if own < DARKEST || self.own_color() == Vec3::ONE { 1.0 } else { own }
     }
 
     /// What can be chosen for its color.

@@ -2,8 +2,9 @@
 
 use clerestory_transport::basis::{LightBasis, SourceKind};
 use clerestory_transport::lamps::FreeLamp;
-use clerestory_transport::light::{LightRig, LightSetting};
+use clerestory_transport::light::{LightRig, LightSetting, luminance};
 use eframe::egui::{Modifiers, Ui};
+use glam::Vec3;
 
 use super::LightsState;
 use super::groups::Item;
@@ -15,6 +16,8 @@ use crate::panels::color::Tint;
 
 /// Relative difference that numbers have by rounding alone.
 const SAME: f32 = 1e-6;
+/// Luminance of colors below which there is nothing of them to keep.
+const DARKEST: f32 = 1e-3;
 
 /// The lights of a frame, and the look that they are set in.
 pub(super) struct Mix<'a> {
@@ -60,21 +63,14 @@ impl Mix<'_> {
         layout.scale.measure(light, setting, layout.efficacy)
     }
 
-    /// Gives a light another tint. Under a color temperature one of the scene keeps its lumen whatever color its file gives it, as added
-    /// lamps do; a color counts channel by channel.
+    /// Gives a light another tint.
     pub fn set_tint(&mut self, light: &Listed, tint: Tint) {
-        let before = self.setting(light);
-        let intensity = match (before.kelvin.is_some(), tint.kelvin.is_some()) {
-            (false, true) => before.intensity * light.own_luminance(),
-            (true, false) => before.intensity / light.own_luminance(),
-            _ => before.intensity,
-        };
+        let tinted = tinted(self.setting(light), tint, light.own_color());
         // There and back is no change.
         let of_file = self.file.own_setting(&light.key).intensity;
-        let is_of_file = (intensity - of_file).abs() <= SAME * of_file;
-        let intensity = if is_of_file { of_file } else { intensity };
-        let setting = LightSetting { intensity, color: tint.color, kelvin: tint.kelvin, ..before };
-        self.look.lights.set(&light.key, setting);
+        let is_of_file = (tinted.intensity - of_file).abs() <= SAME * of_file;
+        let intensity = if is_of_file { of_file } else { tinted.intensity };
+        self.look.lights.set(&light.key, LightSetting { intensity, ..tinted });
     }
 
     /// Everything about a light as in the file, or as it was added. A lamp that shines in its place goes.
@@ -130,7 +126,79 @@ impl Mix<'_> {
     }
 }
 
+/// A light under another tint. A color temperature leaves it the lumen of the color that it hides, be it that of the file; that color
+/// stays beneath it, and comes back with its lumen. A color counts channel by channel.
+fn tinted(before: LightSetting, tint: Tint, own_color: Vec3) -> LightSetting {
+    let color = if tint.kelvin.is_some() { before.color } else { tint.color };
+    let after = LightSetting { color, kelvin: tint.kelvin, ..before };
+    let intensity = before.intensity * (hidden_luminance(&after, own_color) / hidden_luminance(&before, own_color));
+    LightSetting { intensity, ..after }
+}
+
+/// Luminance of the color that a color temperature hides; 1 where it hides none, or one of which there is nothing to keep.
+fn hidden_luminance(setting: &LightSetting, own_color: Vec3) -> f32 {
+    let hidden = LightSetting { kelvin: None, ..*setting }.tint(own_color);
+    let is_hidden = setting.kelvin.is_some() && luminance(hidden) >= DARKEST;
+    if is_hidden { luminance(hidden) } else { 1.0 }
+}
+
 /// Whether a light is the sky that can be turned and exchanged.
 fn shines_from_dome(kind: SourceKind) -> bool {
     matches!(kind, SourceKind::Dome { .. })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FROM_FILE: Tint = Tint { color: None, kelvin: None };
+    const KELVIN: Tint = Tint { color: None, kelvin: Some(3000.0) };
+
+    fn of(color: [f32; 3]) -> Tint {
+        Tint { color: Some(color), kelvin: None }
+    }
+
+    /// Intensity and luminance of a light of the file after one tint after another.
+    fn after(own_color: Vec3, tints: &[Tint]) -> [f32; 2] {
+        let setting = tints.iter().fold(LightSetting::default(), |before, tint| tinted(before, *tint, own_color));
+        [setting.intensity, luminance(setting.emission(own_color, 1.0))]
+    }
+
+    fn is_near(a: f32, b: f32) -> bool {
+        (a - b).abs() < 1e-5
+    }
+
+    #[test]
+    fn a_color_temperature_leaves_every_color_its_lumen() {
+        let (blue, warm, white) = (Vec3::Z, [1.0, 0.7, 0.4], [1.0; 3]);
+        for (own_color, before) in [
+            (blue, vec![]),
+            (blue, vec![of(white)]),
+            (blue, vec![of(white), KELVIN, of(warm)]),
+            // What a lamp of the file has that was made movable.
+            (Vec3::ONE, vec![of(warm)]),
+            (Vec3::ONE, vec![]),
+        ] {
+            let lumen = after(own_color, &before)[1];
+            let under = [&before[..], &[KELVIN]].concat();
+            assert!(is_near(after(own_color, &under)[1], lumen), "{before:?}: {lumen}");
+            let other = [&under[..], &[Tint { kelvin: Some(6500.0), ..KELVIN }]].concat();
+            assert!(is_near(after(own_color, &other)[1], lumen), "{before:?}: {lumen}");
+        }
+    }
+
+    #[test]
+    fn the_way_back_from_a_color_temperature_is_the_way_there() {
+        let (blue, warm, green) = (Vec3::Z, [1.0, 0.7, 0.4], [0.0, 1.0, 0.0]);
+        for tints in [
+            vec![KELVIN, FROM_FILE],
+            vec![KELVIN, of(green), FROM_FILE],
+            vec![of(warm), KELVIN, of(warm)],
+            vec![of(warm), KELVIN, FROM_FILE],
+        ] {
+            assert!(is_near(after(blue, &tints)[0], 1.0), "{tints:?}");
+        }
+        // Of what is nearly dark nothing is kept.
+        assert_eq!(after(Vec3::ONE, &[of([0.0; 3]), KELVIN])[0], 1.0);
+    }
 }
