@@ -133,8 +133,8 @@ pub struct CompressConfig {
     pub smoothing: Option<Arc<Smoothing>>,
     /// What becomes of columns that are noisier than others in such blocks.
     pub noisy_columns: NoisyColumns,
-    /// Groups of no more columns than that are kept as they were sampled, noise and all, each column a component of its own: for
-    /// columns whose noise is taken out afterwards. 0: none is.
+    /// Groups of no more columns than that are kept as they were sampled, noise and all, each column a component of its own, if their
+    /// columns are looked at [one by one](ColumnGroup::apart): for columns whose noise is taken out afterwards. 0: none is.
     pub verbatim: usize,
     /// The same seed gives the same factors.
     pub seed: u64,
@@ -332,7 +332,7 @@ pub(crate) fn unpacked(
     means: &mut Means,
 ) -> Result<Unpacked, CompressError> {
     fill(means, samples, group, block_idx)?;
-    if group.columns.len() <= config.verbatim {
+    if group.apart > 0.0 && group.columns.len() <= config.verbatim {
         return Ok(Unpacked::verbatim(means));
     }
     let rng = || Random::new([config.seed, u64::from(block_idx)]);

@@ -134,7 +134,9 @@ fn what_is_kept_verbatim_is_the_mean_of_both_halves_with_all_its_noise() {
     let mut half = || (0..24 * 3).map(|_| rng.normal()).collect::<Vec<f32>>();
     let [a, b] = [half(), half()];
     let samples = BlockSamples { halves: [&a, &b], sparse: [&[]; 2], n_cols: 3, bundle_len: 3, n_samples: [2, 2] };
-    let config = CompressConfig { verbatim: 3, ..config(Tolerance::AbsoluteMeanSquare(1.0), 3, 1) };
+    let mut config = CompressConfig { verbatim: 3, ..config(Tolerance::AbsoluteMeanSquare(1.0), 3, 1) };
+    assert!(compress_block(&samples, &config, 0).unwrap()[0].rank < 3, "columns are looked at together");
+    config.groups[0].apart = 1.0;
     let factors = compress_block(&samples, &config, 0).unwrap().remove(0);
     assert_eq!(factors.rank, 3);
     for (got, (a, b)) in factors.dense().iter().zip(a.iter().zip(&b)) {

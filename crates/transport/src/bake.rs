@@ -766,7 +766,8 @@ impl BakeJob {
     fn n_lamps_apart(&self, most: usize) -> usize {
         // A number and its doubt, 16 bits each.
         let column_bytes = 4 * CHANNELS * self.film.n_pixels();
-        let lens = || self.scene.lighting.basis.groups.iter().map(|group| group.columns.len());
+        let groups = || self.scene.lighting.basis.groups.iter().filter(|group| apart(group.kind) > 0.0);
+        let lens = || groups().map(|group| group.columns.len());
         let all_bytes = |most: usize| column_bytes * lens().filter(|len| *len <= most).sum::<usize>();
         let fits = |most: &usize| all_bytes(*most) <= LAMPS_APART_BYTES;
         (0..=most).rev().find(fits).unwrap_or(0)
