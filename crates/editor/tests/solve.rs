@@ -923,7 +923,7 @@ fn without_illuminance_the_panel_says_so_and_offers_the_bake() {
     // The same for a work plane: the illuminance of the pixels stays, too.
     let of_pixels = window.state().session().shown.as_ref().unwrap().irradiance[0].clone();
     click(&mut window, "Work plane");
-    click(&mut window, "Bake work plane");
+    reach(&mut window, "Bake work plane");
     wait(&mut window, |app| {
         app.session().bake == BakeState::Done
             && app.session().shown.as_ref().is_some_and(|shown| shown.irradiance.len() == 2)
