@@ -11,7 +11,7 @@ use crate::pipeline::Desk;
 /// Pictures of one scene, each under one of its lights, in a folder `stage` of the desk. Keys are those of the lights.
 fn staged(desk: &Desk) -> [&'static str; 3] {
     let keys = ["warm", "cool", "panel"];
-    desk.json("bake @room.glb -o @room.transport --size 50x40 --spp 16");
+    desk.json("bake @room.glb -o @room.transport --size 50x40 --spp 128");
     std::fs::create_dir(desk.path("stage")).unwrap();
     for key in keys {
         // White, so that a color in a look is the color of the light.
@@ -58,7 +58,8 @@ fn a_folder_of_pictures_relights_like_a_bake() {
     let relit = desk.json("relight @stage.transport --look @a.look -o @relit.exr --layers lights --device cpu");
     assert_eq!((&relit["layers"], &relit["warnings"]), (&json!(3), &json!([])));
     let off = worst(&desk, "relit.exr", &[("warm", [2.0, 1.0, 0.5]), ("panel", [0.5; 3])]);
-    assert!(off < 0.02, "{off}");
+    // A lone entry may be off by some times what is asked for in the mean, 0.3 %, and the first picture counts twice.
+    assert!(off < 0.03, "{off}");
 
     desk.json("relight @stage.transport -o @all.exr --device cpu");
     let off = worst(&desk, "all.exr", &keys.map(|key| (key, [1.0; 3])));
