@@ -382,7 +382,7 @@ fn turn_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
     ui.end_row();
 }
 
-/// What a shape is called in the window: as in the menu of [`SHAPES`].
+/// What a shape is called in the window: as in the menu of `SHAPES`.
 pub fn kind_words(shape: &LampShape) -> &'static str {
     match shape {
         LampShape::Point => "Point lamp",
