@@ -213,7 +213,7 @@ fn telling(matrix: &BlockLowRank) -> Vec<usize> {
 }
 
 /// How strong the weakest column is that a block holds. What is mostly error is not stored finely for its weakness, and columns beyond the
-/// reach of [`Strength`] count the less the weaker they are; 1 where it holds none.
+/// reach of [`strength_to_store`] count the less the weaker they are; 1 where it holds none.
 fn weakest(left: &Dense<f64>, right: &Dense<f64>, errors: &[f32], strong: f32) -> f64 {
     let gram = product(left.t(), left.view());
     let energies = product(gram.view(), right.view());

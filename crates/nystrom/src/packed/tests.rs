@@ -120,6 +120,13 @@ fn the_preserved_product_is_kept_to_a_share_of_itself_whatever_is_allowed() {
     assert!(worst(&PackPlan { preserved: Vec::new(), ..plan(1e-3) }) > 0.1);
 }
 
+/// What packing takes from each entry of a block, squared.
+fn squared_errors(matrix: &BlockLowRank, plan: &PackPlan, block_idx: usize) -> Vec<f64> {
+    let unpacked = PackedMatrix::pack(matrix, plan).unpack().unwrap();
+    let [a, b] = [matrix, &unpacked].map(|matrix| matrix.blocks[block_idx].as_ref().unwrap().dense());
+    a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).collect()
+}
+
 #[test]
 fn weak_blocks_are_stored_more_finely_where_it_is_told_which_are_strong() {
     let mut matrix = example(0.05);
@@ -128,9 +135,7 @@ fn weak_blocks_are_stored_more_finely_where_it_is_told_which_are_strong() {
     weak.sparse.clear();
     let error = |strong: f32| {
         let plan = PackPlan { strong, preserved: Vec::new(), ..plan(1e-3) };
-        let unpacked = PackedMatrix::pack(&matrix, &plan).unpack().unwrap();
-        let [a, b] = [&matrix, &unpacked].map(|matrix| matrix.blocks[1].as_ref().unwrap().dense());
-        a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
+        squared_errors(&matrix, &plan, 1).iter().sum::<f64>()
     };
     // All blocks are weaker than 1: by the square root of their mean squares.
     let (plain, tightened) = (error(0.0), error(1.0));
@@ -146,10 +151,7 @@ fn a_weak_column_is_stored_as_finely_as_it_is_weak_where_columns_are_apart() {
     block.sparse.clear();
     let error = |apart: f32| {
         let plan = PackPlan { apart, preserved: Vec::new(), ..plan(1e-3) };
-        let unpacked = PackedMatrix::pack(&matrix, &plan).unpack().unwrap();
-        let [a, b] = [&matrix, &unpacked].map(|matrix| matrix.blocks[0].as_ref().unwrap().dense());
-        let of_weak = a.iter().zip(&b).skip(weak).step_by(n_cols);
-        of_weak.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
+        squared_errors(&matrix, &plan, 0).iter().skip(weak).step_by(n_cols).sum::<f64>()
     };
     let (together, apart) = (error(0.0), error(0.5));
     assert!(apart < 0.1 * together, "{apart} {together}");
@@ -163,9 +165,7 @@ fn blocks_in_which_all_is_weak_are_stored_no_coarser_where_columns_are_apart() {
     block.sparse.clear();
     let error = |apart: f32| {
         let plan = PackPlan { strong: 0.25, apart, preserved: Vec::new(), ..plan(1e-3) };
-        let unpacked = PackedMatrix::pack(&matrix, &plan).unpack().unwrap();
-        let [a, b] = [&matrix, &unpacked].map(|matrix| matrix.blocks[0].as_ref().unwrap().dense());
-        a.iter().zip(&b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
+        squared_errors(&matrix, &plan, 0).iter().sum::<f64>()
     };
     let (together, apart) = (error(0.0), error(0.5));
     assert!(apart <= 1.1 * together, "{apart} {together}");
