@@ -3,7 +3,8 @@
 //!
 //! A vector of bytes has a scale of its own, which joins that of its component, so kernels meet whole numbers. Components come the
 //! strongest first, so it is those from some place on that are bytes: kernels read two runs of components, not one kind after
-//! the other.
+//! the other. Columns that a bake keeps apart come in their own order until it is packed: what may be bytes before a strong one
+//! stays halves.
 
 use clerestory_nystrom::BlockFactors;
 use half::f16;
