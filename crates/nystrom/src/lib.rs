@@ -5,6 +5,7 @@
 //! one half sees decides when the *other* one stops, so that stopping is no bias), and hands on [`BlockFactors`]: `left · diag(scale) · right + sparse`, with a rank of each block's own and three measured errors.
 //! The factors are fitted to all samples; for the figures each half is fitted by itself and examined by the other, so
 //! what is *held out* is the other half. The figures are a little cautious: a fit to half of the samples is a little worse.
+//! Columns that are kept as they were sampled ([`CompressConfig::verbatim`]) have no fit: their error is the noise of the halves.
 //! [`BlockLowRank`] holds all blocks and multiplies; [`codec`] turns a block into bytes as it is, [`PackedMatrix`] all of them into
 //! a tenth as many.
 //!

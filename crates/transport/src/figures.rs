@@ -16,7 +16,8 @@ use crate::skips::Skip;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ErrorDb {
     /// What the chosen ranks leave out: each half of the samples judged by the other. Of blocks that were smoothed what is left
-    /// of the smoothed halves, and what smoothing is expected to lose.
+    /// of the smoothed halves, and what smoothing is expected to lose; of lamps that are kept apart nothing. In a file with what
+    /// packing takes off.
     pub truncation: f32,
     /// Sampling noise that stays in the factors; where pixels tell each other, as Stein's estimate has it.
     pub sampling: f32,
