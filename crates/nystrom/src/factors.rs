@@ -9,11 +9,12 @@ use crate::matrix::SparseEntry;
 pub struct BlockError {
     /// What the chosen rank leaves out whatever the noise does: the product of what two fits, each to one half of the
     /// samples, miss of their halves (so that noise does not count; a single block's figure can be negative). Of a block that was
-    /// [smoothed](crate::Smoothing) that of the smoothed halves, never negative, and what its weights are expected to lose.
+    /// [smoothed](crate::Smoothing) that of the smoothed halves, never negative, and what its weights are expected to lose. Of columns
+    /// that are [kept as they were sampled](crate::CompressConfig::verbatim) nothing, until they are packed.
     pub truncation: f32,
     /// Sampling noise that stays in the factors, that which turned the bases included: a quarter of the squared difference
-    /// of the two fits. Where nothing was smoothed or [denoised](crate::Denoiser), it is together with `truncation` an unbiased
-    /// figure for the mean of the two fits.
+    /// of the two fits; without fits a quarter of that of the halves. Where nothing was smoothed or [denoised](crate::Denoiser), it
+    /// is together with `truncation` an unbiased figure for the mean of the two fits.
     pub sampling: f32,
     /// Sampling noise of the entries as they were sampled, before compression.
     pub noise: f32,

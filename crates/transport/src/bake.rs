@@ -1,6 +1,7 @@
 //! The bake: from a scene and a camera to block factors, coarse first, in the background if need be.
 //!
-//! A bake is a value: the same scene, camera, film and config give the same bytes on any number of threads.
+//! A bake is a value: the same scene, camera, film and config give the same bytes on any number of threads, but where a time ends it
+//! ([`Passes::Until`]) or columns of an earlier bake are taken over ([`reuse`]).
 
 mod clock;
 mod denoise;
