@@ -5,6 +5,7 @@
 #![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
 #[expect(dead_code, reason = "what the other tests of the window need")]
+#[path = "window/desk.rs"]
 mod desk;
 
 use std::alloc::System;

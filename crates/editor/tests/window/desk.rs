@@ -72,7 +72,6 @@ pub fn open_by(builder: HarnessBuilder<App>, source: Source, config: BakeConfig,
 }
 
 /// The room, baked, with its first picture.
-#[allow(dead_code, reason = "not every test of the window is about this room")]
 pub fn baked() -> Window {
     let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: room() });
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
@@ -80,7 +79,6 @@ pub fn baked() -> Window {
 }
 
 /// A file that is opened in a window that begins with what another one left.
-#[allow(dead_code, reason = "not every test of the window starts twice")]
 pub fn open_again(path: &Path, kept: Kept) -> Window {
     let film = Film { width: 64, height: 48 };
     let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false, work_plane: None };
@@ -117,7 +115,6 @@ pub fn wait_until(window: &mut Window, until: impl Fn(&Window) -> bool) {
 }
 
 /// Clicks somewhere without a drag.
-#[allow(dead_code, reason = "not every test of the window clicks on what has no name")]
 pub fn click_at(window: &mut Window, at: Pos2) {
     window.hover_at(at);
     window.run_steps(2);
@@ -152,7 +149,6 @@ pub fn click(window: &mut Window, label: &str) {
 }
 
 /// Asks for the menu of what is at a place.
-#[allow(dead_code, reason = "not every test of the window asks for menus")]
 pub fn ask_for_menu(window: &mut Window, pos: Pos2) {
     window.hover_at(pos);
     window.run_steps(2);
@@ -165,7 +161,6 @@ pub fn ask_for_menu(window: &mut Window, pos: Pos2) {
 }
 
 /// Types over what stands in a field, a key in a frame as people do, and stays in it.
-#[allow(dead_code, reason = "not every test of the window types")]
 pub fn type_keys(window: &mut Window, label: &str, text: &str) {
     // Words beside the field may be the same.
     let is_field = |node: &Node<'_>| node.accesskit_node().role() != Role::Label;
@@ -186,7 +181,6 @@ pub fn type_keys(window: &mut Window, label: &str, text: &str) {
 }
 
 /// The same, and ends with Enter.
-#[allow(dead_code, reason = "not every test of the window types")]
 pub fn type_over(window: &mut Window, label: &str, text: &str) {
     type_keys(window, label, text);
     window.key_press(Key::Enter);
@@ -194,7 +188,6 @@ pub fn type_over(window: &mut Window, label: &str, text: &str) {
 }
 
 /// Drags far to the left and back to where the drag began; answers what `seen` says on the way.
-#[allow(dead_code, reason = "not every test of the window drags")]
 pub fn there_and_back<T>(window: &mut Window, label: &str, points: f32, seen: impl Fn(&App) -> T) -> T {
     window.get_by_label(label).scroll_to_me();
     window.run_steps(8);
@@ -219,7 +212,6 @@ pub fn there_and_back<T>(window: &mut Window, label: &str, points: f32, seen: im
 }
 
 /// Clicks on something that may lie below what is seen of its panel.
-#[allow(dead_code, reason = "not every test of the window is about a panel")]
 pub fn reach(window: &mut Window, label: &str) {
     window.get_by_label(label).scroll_to_me();
     window.run_steps(8);
@@ -227,7 +219,6 @@ pub fn reach(window: &mut Window, label: &str) {
 }
 
 /// Clicks what asks for a file, and types its path.
-#[allow(dead_code, reason = "not every test of the window writes files")]
 pub fn ask_for(window: &mut Window, label: &str, path: &Path) {
     click(window, label);
     window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
@@ -235,14 +226,12 @@ pub fn ask_for(window: &mut Window, label: &str, path: &Path) {
 }
 
 /// The same, and saves.
-#[allow(dead_code, reason = "not every test of the window writes files")]
 pub fn save_as(window: &mut Window, label: &str, path: &Path) {
     ask_for(window, label, path);
     click(window, "Save");
 }
 
 /// Writes another model to the place of the open one, and reloads it once that is offered.
-#[allow(dead_code, reason = "not every test of the window opens a file")]
 pub fn replace_and_reload(window: &mut Window, path: &Path, gltf: &Value) {
     std::fs::write(path, serde_json::to_vec(gltf).unwrap()).unwrap();
     for _ in 0..200 {
@@ -256,7 +245,6 @@ pub fn replace_and_reload(window: &mut Window, path: &Path, gltf: &Value) {
 }
 
 /// Whether something says a part of this once the pointer rests on it.
-#[allow(dead_code, reason = "not every test of the window is about hints")]
 pub fn hints(window: &mut Window, label: &str, part: &str) -> bool {
     window.get_by_label(label).scroll_to_me();
     window.run_steps(8);
@@ -267,7 +255,6 @@ pub fn hints(window: &mut Window, label: &str, part: &str) -> bool {
 }
 
 /// Whether a widget is framed as what has the keyboard.
-#[allow(dead_code, reason = "not every test of the window goes by keys")]
 pub fn is_framed(window: &Window, label: &str) -> bool {
     let place = window.get_by_label(label).rect();
     window.output().shapes.iter().any(|clipped| match &clipped.shape {
@@ -277,7 +264,6 @@ pub fn is_framed(window: &Window, label: &str) -> bool {
 }
 
 /// Where a point of the room is on the screen.
-#[allow(dead_code, reason = "not every test of the window is about the picture")]
 pub fn on_screen(window: &Window, point: Vec3) -> Pos2 {
     let area: Rect = window.get_by_label("Picture").rect();
     let shown = window.state().session().shown.as_ref().unwrap();
@@ -290,13 +276,11 @@ pub fn on_screen(window: &Window, point: Vec3) -> Pos2 {
 }
 
 /// Whether the window asked the system for something in the frame before.
-#[allow(dead_code, reason = "not every test of the window closes it")]
 pub fn sends(window: &Window, wanted: &ViewportCommand) -> bool {
     window.output().viewport_output.values().any(|output| output.commands.contains(wanted))
 }
 
 /// Has the system ask the window to close; answers whether it does.
-#[allow(dead_code, reason = "not every test of the window closes it")]
 pub fn ask_to_close(window: &mut Window) -> bool {
     let input = window.input_mut();
     let id = input.viewport_id;
@@ -308,7 +292,6 @@ pub fn ask_to_close(window: &mut Window) -> bool {
 }
 
 /// Presses the key that closes the window, which the system then asks it to; answers whether it closes.
-#[allow(dead_code, reason = "not every test of the window closes it")]
 pub fn quit_by_key(window: &mut Window) -> bool {
     let (key, modifiers) = (Key::Q, Modifiers::COMMAND);
     let event = Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers };
@@ -323,7 +306,6 @@ pub fn quit_by_key(window: &mut Window) -> bool {
 }
 
 /// Sixteen pictures of noise in a folder: their bake takes its time.
-#[allow(dead_code, reason = "not every test of the window is about pictures")]
 pub fn noisy_stage() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for light in 0..16u32 {
@@ -338,7 +320,6 @@ pub fn noisy_stage() -> tempfile::TempDir {
 
 /// A file on its way into the window.
 #[derive(Debug)]
-#[allow(dead_code, reason = "not every test of the window drops files")]
 pub struct Dropped(pub PathBuf);
 
 impl DroppedFile for Dropped {
@@ -353,10 +334,8 @@ impl DroppedFile for Dropped {
 
 /// What a window leaves for the next one.
 #[derive(Default)]
-#[allow(dead_code, reason = "not every test of the window starts twice")]
 pub struct Kept(pub HashMap<String, String>);
 
-#[allow(dead_code, reason = "not every test of the window starts twice")]
 impl Kept {
     /// What a window would leave if it were closed now.
     pub fn by(window: &mut Window) -> Kept {

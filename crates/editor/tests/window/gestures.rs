@@ -1,9 +1,5 @@
 //! Wheel, fingers and buttons over the picture and with the camera in hand: each gesture does what it is said to do.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-mod desk;
-
 use clerestory::session::{BakeState, Source};
 use clerestory::viewport::orbit::Turn;
 use clerestory_transport::camera::{Camera, Film};
@@ -14,7 +10,7 @@ use egui_kittest::kittest::Queryable;
 use glam::Vec3;
 use serde_json::{Value, json};
 
-use desk::{Window, baked, drag, on_screen, open, reach, room, wait};
+use crate::desk::{Window, baked, drag, on_screen, open, reach, room, wait};
 
 /// The room with its lamp in the middle of the view, baked.
 fn with_mark() -> Window {

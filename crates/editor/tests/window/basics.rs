@@ -1,9 +1,5 @@
 //! The window, driven by its labels: a tiny room with a lamp and a panel is opened, baked and relit.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-mod desk;
-
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,7 +18,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
-use desk::{
+use crate::desk::{
     Dropped, Kept, Window, ask_for, ask_for_menu, ask_to_close, baked, click, click_at, drag, hints, noisy_stage,
     on_screen, open, open_with, pull, quick, quit_by_key, reach, room, save_as, type_over, wait,
 };

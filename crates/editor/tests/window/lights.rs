@@ -1,9 +1,5 @@
 //! The panel of lights in the window: groups and masters, names, many lights at once, solo, units, board and table.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-mod desk;
-
 use clerestory::app::App;
 use clerestory::look::Look;
 use clerestory::session::{BakeState, Source};
@@ -11,7 +7,7 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, pos2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use serde_json::{Value, json};
 
-use desk::{Window, baked, click, drag, hints, is_framed, open, quit_by_key, reach, room, type_over, wait};
+use crate::desk::{Window, baked, click, drag, hints, is_framed, open, quit_by_key, reach, room, type_over, wait};
 
 /// The room with three more lamps below a node: instances of one lamp.
 fn lit_room() -> Vec<u8> {

@@ -1,16 +1,11 @@
 //! Where things stand on the board and in the table of lights, measured at every size of letters.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-#[expect(dead_code, reason = "not every test of the window drags")]
-mod desk;
-
 use clerestory::session::{BakeState, Source};
 use clerestory_transport::bake::BakeConfig;
 use eframe::egui::{Rangef, Rect, vec2};
 use egui_kittest::kittest::Queryable;
 
-use desk::{Window, click, open_with, wait};
+use crate::desk::{Window, click, open_with, wait};
 
 /// Sizes of letters, of the usual one.
 const LETTERS: [f32; 4] = [1.0, 1.25, 1.5, 2.0];

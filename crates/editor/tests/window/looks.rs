@@ -1,9 +1,5 @@
 //! Looks in the window, driven by their labels: kept, taken over, named, put in order, and made of what the scene has.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-mod desk;
-
 use clerestory::app::App;
 use clerestory::look::Look;
 use clerestory::look::snapshot::Mark;
@@ -17,7 +13,7 @@ use eframe::egui::{
 };
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{
+use crate::desk::{
     Dropped, Kept, Window, ask_for, ask_to_close, baked, click, drag, hints, open_again, pull, quit_by_key, room,
     save_as, type_over, wait, wait_until,
 };
@@ -259,7 +255,7 @@ fn a_look_that_is_compared_or_faded_may_be_renamed() {
     click(&mut window, "Cross-fade");
     for (card, name) in [("Look Look", "Day"), ("Look Look 2", "Night")] {
         context_menu(&mut window, card, "Rename");
-        desk::type_over(&mut window, "Name of the look", name);
+        crate::desk::type_over(&mut window, "Name of the look", name);
     }
     assert_eq!(names(&window), ["Day", "Night"]);
     let chosen = |label: &str| window.get_by_label(label).accesskit_node().value().unwrap_or_default();
@@ -288,7 +284,7 @@ fn what_is_compared_and_faded_goes_on_when_a_name_is_taken_back() {
     click(&mut window, "Compare");
     click(&mut window, "Cross-fade");
     context_menu(&mut window, "Look Look", "Rename");
-    desk::type_over(&mut window, "Name of the look", "Day");
+    crate::desk::type_over(&mut window, "Name of the look", "Day");
     for (step, name) in [("Undo", "Look"), ("Redo", "Day"), ("Undo", "Look")] {
         click(&mut window, step);
         assert_eq!(names(&window), [name, "Look 2"], "{step}");
@@ -1116,7 +1112,7 @@ fn a_look_that_another_editor_changed_is_not_overwritten_unasked() {
     };
     let (mut first, mut second) = (baked(), baked());
     save_as(&mut first, "Save look…", &path);
-    second.input_mut().dropped_files.push(std::sync::Arc::new(desk::Dropped(path.clone())));
+    second.input_mut().dropped_files.push(std::sync::Arc::new(crate::desk::Dropped(path.clone())));
     wait(&mut second, |app| !app.is_reading_look());
     click(&mut first, "Mute lamp");
     save_again(&mut first);

@@ -1,10 +1,5 @@
 //! Dialogs and panels in the window of a small laptop: at every size of letters all of them can be read and answered.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-#[expect(dead_code, reason = "not every test of the window drags")]
-mod desk;
-
 use std::collections::{BTreeSet, HashMap};
 
 use clerestory::session::{BakeState, Source, Stage};
@@ -12,7 +7,7 @@ use eframe::egui::{Key, Modifiers, Rangef, Rect, Role, Vec2, vec2};
 use egui_kittest::Node;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{
+use crate::desk::{
     Kept, Window, ask_for, ask_to_close, baked, click, hints, open, open_again, open_with, quick, room, save_as, wait,
 };
 

@@ -1,9 +1,5 @@
 //! The bake panel and the manners of the window: forecasts, maps of colors, going on, reloading, welcoming.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-mod desk;
-
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -22,7 +18,7 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Role, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{
+use crate::desk::{
     Dropped, Kept, Window, ask_to_close, baked, click, drag, hints, open, open_again, open_with, quick, reach,
     replace_and_reload, room, save_as, wait, wait_until,
 };

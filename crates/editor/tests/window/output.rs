@@ -1,9 +1,5 @@
 //! Pictures out of the window: files with what was chosen about them, and the clipboard.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-mod desk;
-
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -20,7 +16,7 @@ use exr::meta::attribute::SampleType;
 use exr::prelude::{Compression, ReadChannels, ReadLayers};
 use serde_json::json;
 
-use desk::{Window, ask_for, baked, click, drag, open_with, quick, room, save_as, wait, wait_until};
+use crate::desk::{Window, ask_for, baked, click, drag, open_with, quick, room, save_as, wait, wait_until};
 
 #[test]
 fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {

@@ -1,9 +1,5 @@
 //! Free lamps in the window, driven by its labels: added, dragged, aimed, copied, taken away, and made of lamps of the file.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-mod desk;
-
 use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -23,7 +19,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 use serde_json::{Value, json};
 
-use desk::{
+use crate::desk::{
     Dropped, Window, ask_for, ask_for_menu, baked, click, drag, hints, is_framed, on_screen, open, open_with, quick,
     reach, replace_and_reload, room, type_keys, wait, wait_until,
 };
@@ -1082,7 +1078,7 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     drop(window);
 
     // Another scene of the same name is refused.
-    std::fs::write(folder.path().join("room.gltf"), include_bytes!("room.gltf")).unwrap();
+    std::fs::write(folder.path().join("room.gltf"), include_bytes!("../room.gltf")).unwrap();
     let mut window = open(Source::File(path));
     wait_until(&mut window, |window| says(window, "its geometry, materials or camera differ"));
 }

@@ -1,9 +1,5 @@
 //! The sky in the window, driven by its labels: baked, turned, exchanged, moved by hand and by the clock.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-mod desk;
-
 use clerestory::look::Look;
 use clerestory::session::{BakeState, Source};
 use clerestory_transport::basis::SourceKind;
@@ -11,11 +7,13 @@ use clerestory_transport::sky::{SkySetting, SunPlace, SunPosition, SunTime, sun_
 use eframe::egui::{Event, Key, Modifiers, Vec2, pos2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Kept, Window, click, click_at, drag, is_framed, open, open_again, type_over, wait, wait_until};
+use crate::desk::{
+    Dropped, Kept, Window, click, click_at, drag, is_framed, open, open_again, type_over, wait, wait_until,
+};
 
 /// The room without ceiling, front and back, so that the sky is seen and lights it.
 fn court() -> Source {
-    let gltf = include_str!("room.gltf").replace("\"count\": 36", "\"count\": 18");
+    let gltf = include_str!("../room.gltf").replace("\"count\": 36", "\"count\": 18");
     Source::Bytes { name: "court.gltf".into(), bytes: gltf.into() }
 }
 
@@ -212,7 +210,7 @@ fn a_preset_dims_the_sky_that_was_chosen() {
 
 #[test]
 fn a_sky_over_closed_rooms_says_that_it_lights_nothing() {
-    let room = Source::Bytes { name: "room.gltf".into(), bytes: include_bytes!("room.gltf").to_vec() };
+    let room = Source::Bytes { name: "room.gltf".into(), bytes: include_bytes!("../room.gltf").to_vec() };
     for (source, is_shut_out) in [(room, true), (court(), false)] {
         let mut window = open(source);
         settle(&mut window);

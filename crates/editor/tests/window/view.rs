@@ -1,9 +1,5 @@
 //! The picture as something to look into: who lights what, probes, regions; and the camera, its views and their bakes.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-mod desk;
-
 use clerestory::app::{App, Start};
 use clerestory::session::estimate::Forecast;
 use clerestory::session::shares::sum;
@@ -18,7 +14,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
-use desk::{
+use crate::desk::{
     Window, ask_for_menu, ask_to_close, baked, click, click_at, drag, is_framed, on_screen, open, reach,
     replace_and_reload, room, type_keys, wait,
 };

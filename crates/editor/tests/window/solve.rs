@@ -1,9 +1,5 @@
 //! Marking, measuring and solving for light in the window, driven by its labels.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-mod desk;
-
 use clerestory::app::{App, Start};
 use clerestory::look::Look;
 use clerestory::look::scene::PlaneChoice;
@@ -23,7 +19,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 use serde_json::json;
 
-use desk::{
+use crate::desk::{
     Dropped, Kept, Window, baked, click, click_at, drag, on_screen, pull, quick, reach, replace_and_reload, room,
     save_as, type_over, wait, wait_until,
 };
@@ -846,7 +842,7 @@ fn a_work_plane_is_part_of_the_look_with_undo_and_comes_back_with_it_and_with_it
     let kept = Kept::by(&mut window);
     drop(window);
 
-    let mut window = desk::open_again(&scene, kept);
+    let mut window = crate::desk::open_again(&scene, kept);
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
     assert_eq!(window.state().look().scene.work_plane.as_ref(), Some(&plane), "it was kept for the scene");
     assert!(window.state().settings().work_plane.is_some_and(|plane| plane.floor.is_some()));
@@ -854,7 +850,7 @@ fn a_work_plane_is_part_of_the_look_with_undo_and_comes_back_with_it_and_with_it
     click(&mut window, "Work plane");
     let kept = Kept::by(&mut window);
     drop(window);
-    let mut window = desk::open_again(&scene, kept);
+    let mut window = crate::desk::open_again(&scene, kept);
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
     assert_eq!(window.state().look().scene.work_plane, None, "what was taken away stays away");
     drop(window);
@@ -880,9 +876,9 @@ fn what_is_set_for_the_schedule_is_there_at_the_next_start() {
     window.run_steps(3);
     let kept = Kept::by(&mut window);
     drop(window);
-    let mut window = desk::open_again(&scene, kept);
+    let mut window = crate::desk::open_again(&scene, kept);
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
-    desk::reach(&mut window, "Measure");
+    crate::desk::reach(&mut window, "Measure");
     let value = |label: &str| window.get_by_label(label).accesskit_node().numeric_value();
     assert_eq!((value("Efficacy"), value("Floor area")), (Some(80.0), Some(0.0)), "that floor was of the other room");
     let is_on = window.get_by_label("Per type").accesskit_node().toggled();

@@ -1,9 +1,5 @@
 //! Numbers in the window, typed a key in a frame as people do, and dragged.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
-mod desk;
-
 use clerestory::app::{App, Start};
 use clerestory::export::options::Region;
 use clerestory::look::Look;
@@ -15,7 +11,7 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Role, ViewportCommand, 
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{
+use crate::desk::{
     Dropped, Window, ask_for, baked, click, drag, reach, room, save_as, there_and_back, type_keys, type_over, wait,
 };
 
