@@ -29,6 +29,7 @@ mod tests;
 
 use std::sync::Arc;
 
+use half::f16;
 use rayon::prelude::*;
 
 use self::{
@@ -253,12 +254,29 @@ struct Unrounded<'a> {
     allowed: f64,
 }
 
+/// Which columns are not zero everywhere; the others have no part in any product, and get none of what is given back to the kept one.
+fn lit_columns(matrix: &BlockLowRank, n_cols: usize) -> Vec<bool> {
+    let mut lit = vec![false; n_cols];
+    for factors in matrix.blocks.iter().flatten() {
+        if lit.iter().all(|is_lit| *is_lit) {
+            break;
+        }
+        for row in factors.right.chunks_exact(n_cols.max(1)) {
+            lit.iter_mut().zip(row).for_each(|(is_lit, x)| *is_lit |= *x != f16::ZERO);
+        }
+    }
+    lit
+}
+
 impl<'a> Packer<'a> {
     fn new(matrix: &'a BlockLowRank, layout: &'a Layout, plan: &'a PackPlan) -> Self {
-        let norm = plan.preserved.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
+        let lit = lit_columns(matrix, layout.n_cols());
+        let weigh = |(&x, &is_lit): (&f32, &bool)| if is_lit { f64::from(x) } else { 0.0 };
+        let preserved: Vec<f64> = plan.preserved.iter().zip(&lit).map(weigh).collect();
+        let norm = preserved.iter().map(|x| x.powi(2)).sum::<f64>().sqrt();
         let is_direction = norm > 0.0 && norm.is_finite() && plan.preserved.len() == layout.n_cols();
-        let unit = |x: &f32| (f64::from(*x) / norm) as f32;
-        let direction = if is_direction { plan.preserved.iter().map(unit).collect() } else { Vec::new() };
+        let unit = |x: &f64| (x / norm) as f32;
+        let direction = if is_direction { preserved.iter().map(unit).collect() } else { Vec::new() };
         Self { matrix, layout, plan, direction, border_weight: border_weight(plan.allowed, plan.strong) }
     }
 

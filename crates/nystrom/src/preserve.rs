@@ -25,11 +25,12 @@ pub(crate) fn preserve(
     goal: f64,
     level: Option<&Level>,
 ) -> Added {
-    let norm = direction.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
+    let direction = lit_part(means, direction);
+    let norm = direction.iter().map(|x| x.powi(2)).sum::<f64>().sqrt();
     if norm == 0.0 || !norm.is_finite() || means.mean.data.iter().all(|&x| x == 0.0) {
         return [0.0; 2];
     }
-    let unit: Vec<f64> = direction.iter().map(|&x| f64::from(x) / norm).collect();
+    let unit: Vec<f64> = direction.iter().map(|x| x / norm).collect();
     let sampled = [&means.a, &means.b].map(|half| product(half, &unit));
     let mut change = Change::new(fit, &unit, unit.clone());
     let mut added = change.added(means, fit, &sampled);
@@ -47,6 +48,17 @@ pub(crate) fn preserve(
     let change = Change::new(fit, &unit, change.row);
     let spread = change.make(means, [left, doubt], &sampled) * times(level, &change.kept(fit));
     [truncation, sampling + spread]
+}
+
+/// A direction without the columns that are zero in both halves, which have no part in the product and get none of its residual.
+fn lit_part(means: &Means, direction: &[f32]) -> Vec<f64> {
+    let mut is_lit = vec![false; direction.len()];
+    for half in [&means.a, &means.b] {
+        for row in half.data.chunks_exact(direction.len().max(1)) {
+            is_lit.iter_mut().zip(row).for_each(|(is_lit, x)| *is_lit |= *x != 0.0);
+        }
+    }
+    direction.iter().zip(is_lit).map(|(&x, is_lit)| if is_lit { f64::from(x) } else { 0.0 }).collect()
 }
 
 /// Of each row in both halves the product with the direction.
