@@ -10,6 +10,10 @@ use crate::fingerprint::digest;
 use crate::import::stack::{ImageStack, Picture, StackError};
 use crate::matrix::CHANNELS;
 
+/// Values beyond so many times the peak of their picture are kept apart, entry by entry: a glint or a hot pixel would take all of the
+/// digits of its block.
+const GLINT: f32 = 16.0;
+
 /// Some rows of pixels of every picture.
 pub(super) struct Band {
     /// Rows of pixels.
@@ -63,15 +67,20 @@ impl SampledMatrix for StackMatrix<'_> {
     }
 
     /// Every sample of either half is the value itself.
-    fn add_rows(&self, bundles: &[u32], samples: Range<u32>, _: Half, out: &mut [f32], _: &mut Vec<SparseEntry>) {
+    fn add_rows(&self, bundles: &[u32], samples: Range<u32>, _: Half, out: &mut [f32], sparse: &mut Vec<SparseEntry>) {
         let n_cols = self.n_cols();
         let first_pixel = self.band.rows.start * self.film.width;
         for (column, (values, scale)) in self.band.columns.iter().zip(self.column_scale).enumerate() {
-            let weight = samples.len() as f32 * scale;
-            for (&pixel, rows) in bundles.iter().zip(out.chunks_exact_mut(CHANNELS * n_cols)) {
+            for (nth, (&pixel, rows)) in bundles.iter().zip(out.chunks_exact_mut(CHANNELS * n_cols)).enumerate() {
                 let at = CHANNELS * (pixel - first_pixel) as usize;
                 for (channel, value) in values[at..at + CHANNELS].iter().enumerate() {
-                    rows[channel * n_cols + column] += weight * value;
+                    let (scaled, weight) = (scale * value, samples.len() as f32);
+                    if scaled.abs() > GLINT {
+                        let row = (nth * CHANNELS + channel) as u32;
+                        sparse.push(SparseEntry { row, col: column as u32, value: weight * scaled });
+                    } else {
+                        rows[channel * n_cols + column] += weight * scaled;
+                    }
                 }
             }
         }

@@ -114,6 +114,39 @@ fn a_picture_far_darker_than_the_others_comes_back_as_well() {
     assert!(missing < 0.05, "{missing} of a dark picture is missing");
 }
 
+/// The picture of one light alone, green.
+fn alone(bake: &Bake, light: usize) -> Vec<f32> {
+    let muted = LightSetting { muted: true, ..LightSetting::default() };
+    let others = (0..N_LIGHTS).filter(|other| *other != light);
+    let lights = others.map(|other| (format!("light_{other}"), muted)).collect();
+    relit(bake, &LightRig { lights, ..LightRig::default() }, 1)
+}
+
+#[test]
+fn a_hot_pixel_leaves_its_block_as_it_was() {
+    let folder = stack();
+    let hot = |x: usize, y: usize, channel: usize| if (x, y) == (20, 20) { 6e5 } else { value(0, x, y, channel) };
+    write_light(folder.path(), 0, hot);
+    let bake = baked(job(folder.path(), 40.0));
+    for light in [0, 3] {
+        for (pixel, relit) in alone(&bake, light).into_iter().enumerate() {
+            let (x, y) = (pixel % SIZE[0], pixel / SIZE[0]);
+            let wanted = if light == 0 { hot(x, y, 1) } else { value(light, x, y, 1) };
+            assert!((relit - wanted).abs() < 0.1 + 1e-4 * wanted, "light {light} at {x}, {y}: {relit} for {wanted}");
+        }
+    }
+}
+
+#[test]
+fn black_pictures_come_back_black() {
+    let folder = stack();
+    (2..N_LIGHTS).for_each(|light| write_light(folder.path(), light, |_, _, _| 0.0));
+    let bake = baked(job(folder.path(), 40.0));
+    for light in 2..N_LIGHTS {
+        assert!(alone(&bake, light).iter().all(|x| *x == 0.0), "light {light} shows another one");
+    }
+}
+
 #[test]
 fn a_rig_of_the_pictures_is_their_sum() {
     let folder = stack();
