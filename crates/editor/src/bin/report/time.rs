@@ -157,6 +157,11 @@ impl Measured {
         let of_way = self.points.iter().filter(|point| point.way == way && point.seed == runs::SEEDS[0]);
         of_way.filter_map(|point| Some([part * point.cpu_secs, point.db[class]?])).collect()
     }
+
+    /// Whether the reference ends before an error, so that it cannot judge who reaches it.
+    fn is_beyond(&self, target_db: f64, class: usize) -> bool {
+        self.ends[class].is_some_and(|end| end < target_db)
+    }
 }
 
 /// Measures the gallery, and the scene of the method's evaluation that is as evenly lit.
