@@ -125,15 +125,15 @@ mod tests {
         assert!(told.contains("| all lights of the file | hall | 30 | — | 10 | — | — | 20 |"), "{told}");
         assert!(told.contains("| single lights | hall | 30 | — | 4 | — | — | 8 |"), "one of eight lights: {told}");
         assert!(!told.contains("| spots on a panel |"), "the scene has none: {told}");
-        let ours = "- all lights of the file: *ours, by default* in none; *ours, indirect light shared* 10 (10…10) in 2; \
-                    *ours, traced, not denoised* in none; of 2 rows.\n";
+        let ours = "- all lights of the file: *ours, by default* in none; *ours, indirect light shared* 10 (10…10) in 3; \
+                    *ours, traced, not denoised* in none; of 3 rows.\n";
         assert!(told.ends_with(ours), "{told}");
         // As far as the reference tells, and no farther.
         scenes[0].1.ends[2] = Some(32.0);
         let told = table(&scenes, ", in a test");
         assert!(told.contains("| all lights of the file | hall | 30 |"), "{told}");
         assert!(!told.contains("| all lights of the file | hall | 35 |"), "{told}");
-        assert!(told.ends_with("in none; of 1 rows; 1 are beyond what the reference can tell.\n"), "{told}");
+        assert!(told.ends_with("in none; of 1 rows; 2 are beyond what the reference can tell.\n"), "{told}");
     }
 
     #[test]

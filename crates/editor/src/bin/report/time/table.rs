@@ -89,8 +89,8 @@ mod tests {
         let rows = words(&scenes, 2);
         assert!(rows.contains("| hall | 4×3 | 30 | — | 4.0 | — | — | — | **0.40** |"), "{rows}");
         assert!(rows.contains("| hall | 4×3 | 35 † | — | 8.0 | — | — | — | 0.80 |"), "nothing is bold: {rows}");
-        let told = "The soonest of 2 rows: a render of one look in 1; the points do not tell in 0; \
-                    1 are beyond what the reference can tell.\n";
+        let told = "The soonest of 3 rows: a render of one look in 1; the points do not tell in 0; \
+                    2 are beyond what the reference can tell.\n";
         assert!(rows.ends_with(told), "{rows}");
         assert!(!words(&scenes, 0).contains("hall"), "no single lights were measured");
         let curve = [[1.0, 20.0], [103.0, 21.6]];
