@@ -277,7 +277,8 @@ fn opening(section: &str) -> String {
          denoised and blocks are done at {asked_db} dB; with {default} samples, where these do not take too long, it is the bake that nothing is said of.\n\
          Ours with indirect light shared, as with `--fast`, and traced but not denoised, as with `--no-denoise`, both taking all samples. The very\n\
          samples of the latter without compression: the full matrix. A path-traced render per light, all of them. And one render of the look in\n\
-         question, which no light can be changed in afterwards. The first point of each of ours is its preview; its seconds are not among those of the\n\
+         question, which no light can be changed in afterwards. Renders and the full matrix are not denoised; what a denoiser of pictures would make of them is not\n\
+         measured. The first point of each of ours is its preview; its seconds are not among those of the\n\
          points that follow.\n\n\
          Where a render per light would take too long for all lights, {some} of them are rendered, evenly spaced over the columns: the seconds\n\
          are theirs times the number of lights over {some}, and the error is that of single lights alone, the median over these. A render of one\n\
