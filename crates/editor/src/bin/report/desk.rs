@@ -153,7 +153,7 @@ impl Desk {
         }
     }
 
-    /// What was measured of a part of a section, if an interrupted run of this program has it, else measured now.
+    /// What was measured of a part of a section, if an interrupted run of this program on this machine has it, else measured now.
     ///
     /// # Errors
     /// As [`Kept::part`].

@@ -5,7 +5,7 @@
 //! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room`, `matrix-panel`, `lamps-others` and `lamps-living-room` where their scenes are, `peers` where another renderer is), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
-//! it is finished by the same program. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
+//! it is finished by the same program on the same machine. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
 //! folder, so that a check leaves the pages as they are.
 
 mod ablations;
