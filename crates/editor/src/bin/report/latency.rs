@@ -54,7 +54,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         (desk.choose(EVENTS[0], EVENTS[1]), desk.choose(DEVICE_EVENTS[0], DEVICE_EVENTS[1]));
     Ok(format!(
         "## Latency\n\n\
-         One slider dragged, each event sent when the picture of the one before is there: {n_events} events on the CPU, {n_device_events} on a graphics device. {LAMPS} lamps and a\n\
+         One slider dragged, once at each size and by each that relights, each event sent when the picture of the one before is there: {n_events} events on the CPU, {n_device_events} on a graphics device. {LAMPS} lamps and a\n\
          panel of {TEXELS} × {TEXELS} texels: blocks of rank {LAMPS} for the lamps, as they are kept apart, and of rank 0 to {RANK} for the panel, with random factors of seed {}, so that every block moves and none is left out for being unseen. Milliseconds on {} threads.\n\
          On the CPU from the event to the end of the frame that draws its picture, triangles of the interface made. On a device from the event until the\n\
          device has all commands of that frame, those of relighting and those that draw the window of 1440 × 900, into a picture instead of a screen. A driver without hardware\n\

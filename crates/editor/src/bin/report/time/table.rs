@@ -2,6 +2,7 @@
 
 use clerestory_transport::camera::Film;
 
+use super::runs::SEEDS;
 use super::{CLASSES, Measured, PLAIN, Subject, TARGETS_DB, Way};
 use crate::fit::{secs_between, secs_words};
 
@@ -9,9 +10,10 @@ use crate::fit::{secs_between, secs_words};
 pub(super) fn words(scenes: &[(Subject, Measured)], class: usize) -> String {
     let ways: Vec<&str> = Way::ALL.iter().map(|way| way.name()).collect();
     let mut text = format!(
-        "\nCPU seconds to an error of {}, between measured points; \"<\" and \">\": it was reached before the first point, or would be after the last, which has the dB behind it; \"—\": not measured, \
+        "\nCPU seconds to an error of {}, of seed {} alone, between measured points; \"<\" and \">\": it was reached before the first point, or would be after the last, which has the dB behind it; \"—\": not measured, \
          as it takes too long; \"†\": more dB than the reference can tell, see below: such rows tell of no way that it is the soonest. The least of each row in bold, where the points tell which it is{}.\n\n| scene | size | dB | {} |\n|---|---|---|{}\n",
         CLASSES[class],
+        SEEDS[0],
         if class == 0 { ", a render of one of the lights aside" } else { "" },
         ways.join(" | "),
         "---|".repeat(ways.len()),
@@ -87,6 +89,7 @@ mod tests {
         ];
         let scenes = [(subject("hall"), Measured { n_cols: 1, points, ends: [Some(30.0), None, Some(32.25)] })];
         let rows = words(&scenes, 2);
+        assert!(rows.starts_with("\nCPU seconds to an error of all lights of the file, of seed 1 alone,"), "{rows}");
         assert!(rows.contains("| hall | 4×3 | 30 | — | 4.0 | — | — | — | **0.40** |"), "{rows}");
         assert!(rows.contains("| hall | 4×3 | 35 † | — | 8.0 | — | — | — | 0.80 |"), "nothing is bold: {rows}");
         let told = "The soonest of 3 rows: a render of one look in 1; the points do not tell in 0; \
