@@ -10,8 +10,8 @@ pub struct Page {
 
 const HEAD: &str = "# Benchmarks\n\n\
     Every figure on this page was measured and written by the command that its section names, but for tables of others that a section\n\
-    quotes, which say whose they are. Times depend on the machine; figures of a section come from one run, or, where it tells of an interruption, from several of one program on one machine. Each section tells how long it took; `--quick`\n\
-    measures less of them, aims at under five minutes on two cores, and says at the end of the page what all took. The yardstick that a section\n\
+    quotes, which say whose they are. Times depend on the machine; figures of a section come from one run, or, where it tells of an interruption, from several of one program on one machine. Each section tells how long it took, and a run of all of them at the end of the page what they took together; `--quick`\n\
+    measures less of them, and aims at under five minutes on two cores. The yardstick that a section\n\
     tells is work that no change of this program touches: all threads at once deflate a MiB each with a library, the median of five rounds.\n\
     Where it differs, the machine was faster or slower, and seconds of such sections are not to be compared. Sections that tell none are\n\
     older than it.\n\n\
