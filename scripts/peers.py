@@ -164,14 +164,14 @@ def mitsuba(args, samples, path):
     to_world = mi.ScalarTransform4f(world) @ mi.ScalarTransform4f().rotate([0, 1, 0], 180)
     scene = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": args.bounces + 2, "rr_depth": 1000},
+        "integrator": {"type": "path", "max_depth": args.bounces + 2, "rr_depth": 3},
         "sensor": {
             "type": "perspective",
             "fov": math.degrees(yfov),
             "fov_axis": "y",
             "to_world": to_world,
             "film": {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}, "pixel_format": "rgb"},
-            "sampler": {"type": "independent", "sample_count": samples},
+            "sampler": {"type": "multijitter", "sample_count": samples},
         },
     }
     with tempfile.TemporaryDirectory() as folder:

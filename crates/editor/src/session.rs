@@ -7,7 +7,7 @@ mod chosen;
 mod earlier;
 pub mod estimate;
 mod found;
-mod glimpse;
+pub mod glimpse;
 pub mod lamps;
 mod mailbox;
 mod opened;

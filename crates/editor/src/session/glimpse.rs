@@ -15,14 +15,15 @@ const SIDE_PX: u32 = 240;
 const LEAST_GAIN: usize = 4;
 
 /// The matrix of a first look.
-pub(super) struct Glimpse {
+pub struct Glimpse {
+    /// What it is of.
     pub header: Arc<BakeHeader>,
     /// One part per group of columns.
     pub groups: Vec<BlockLowRank>,
 }
 
 /// What a first look at a bake is made by; none where the bake is as small itself.
-pub(super) fn job(of: &BakeJob) -> Option<BakeJob> {
+pub fn job(of: &BakeJob) -> Option<BakeJob> {
     let film = within(of.film, SIDE_PX);
     if of.film.n_pixels() < LEAST_GAIN * film.n_pixels() {
         return None;
@@ -36,7 +37,7 @@ pub(super) fn job(of: &BakeJob) -> Option<BakeJob> {
 ///
 /// # Errors
 /// As the bake itself.
-pub(super) fn run(job: BakeJob, focus: &Focus) -> Result<Option<Glimpse>, BakeError> {
+pub fn run(job: BakeJob, focus: &Focus) -> Result<Option<Glimpse>, BakeError> {
     let (mut glimpse, mut is_whole) = (None::<Glimpse>, false);
     let keep = |glimpse: &mut Option<Glimpse>, block_idx: usize, factors: Vec<Arc<BlockFactors>>| {
         let groups = glimpse.iter_mut().flat_map(|glimpse| &mut glimpse.groups);

@@ -153,7 +153,7 @@ impl Desk {
         }
     }
 
-    /// What was measured of a part of a section, if an interrupted run of this program has it, else measured now.
+    /// What was measured of a part of a section, if an interrupted run of this program on this machine has it, else measured now.
     ///
     /// # Errors
     /// As [`Kept::part`].
@@ -409,6 +409,7 @@ mod tests {
         assert_eq!(held(&first.references).clone(), References::from([("hall".into(), Some(0.0))]), "it is its own");
         let again = desk();
         again.part::<usize>("time", "hall", || panic!("it is measured")).unwrap();
+        assert!(again.provenance("time").unwrap().contains(" of them before an interruption"), "it says so");
         assert_eq!(held(&again.references).clone(), References::from([("hall".into(), Some(0.0))]), "it went on");
         again.begin().unwrap();
         again.numbers("hall", || panic!("it is there")).unwrap();

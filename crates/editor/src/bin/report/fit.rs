@@ -1,7 +1,7 @@
 //! What a few measured points say: where a curve crosses a target, how steeply something grows, how far repeats lie apart.
 
 /// Seconds at which an error is reached, between the two points around it, dB over the logarithm of time; points are
-/// (seconds, dB). `None` if no two neighbors lie on both sides.
+/// (seconds, dB), or have another number above zero instead of seconds. `None` if no two neighbors lie on both sides.
 pub fn secs_at(target_db: f64, points: &[[f64; 2]]) -> Option<f64> {
     let between = points.windows(2).find(|pair| pair[0][1] <= target_db && target_db <= pair[1][1])?;
     let [[from, low], [to, high]] = [between[0], between[1]];

@@ -93,6 +93,8 @@ const SEED: u64 = 1;
 const LEAST_SECS: f64 = 0.05;
 /// Fewer points tell of no power law.
 const LEAST_POINTS: usize = 3;
+const BOUNCES: &str = "bounces";
+const THREADS: &str = "threads";
 
 /// Something that grows: its name, its values, and how it changes the bench.
 type Growth = (&'static str, &'static [u32], fn(&mut Bench, u32) -> f64);
@@ -101,15 +103,15 @@ const QUICK: [Growth; 5] = [
     ("pixels", &[64, 128, 256], pixels),
     ("columns", &[4, 8, 16], columns),
     ("triangles", &[1_000, 10_000, 100_000], triangles),
-    ("bounces", &[0, 1, 2, 4], bounces),
-    ("threads", &[1, 2, 4], on_threads),
+    (BOUNCES, &[0, 1, 2, 4], bounces),
+    (THREADS, &[1, 2, 4], on_threads),
 ];
 const FULL: [Growth; 5] = [
     ("pixels", &[292, 576, 1152, 2304, 3264], pixels),
     ("columns", &[4, 8, 16, 32, 64], columns),
     ("triangles", &[1_000, 10_000, 100_000, 1_000_000, 5_000_000], triangles),
-    ("bounces", &[0, 1, 2, 4, 8, 16], bounces),
-    ("threads", &[1, 2, 4, 8, 16], on_threads),
+    (BOUNCES, &[0, 1, 2, 4, 8, 16], bounces),
+    (THREADS, &[1, 2, 4, 8, 16], on_threads),
 ];
 
 fn pixels(bench: &mut Bench, width: u32) -> f64 {
@@ -146,6 +148,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     let bench =
         Bench { triangles: 100_000, side: 8, size, spp: desk.choose(4, 8), bounces: None, threads: None, seed: SEED };
     let (mut rows, mut of_time, mut of_memory) = (String::new(), Vec::new(), Vec::new());
+    let n_threads = std::thread::available_parallelism().map_or(1, usize::from);
     let turns = desk.choose(TURNS[0], TURNS[1]);
     for (what, values, set) in desk.choose(QUICK, FULL) {
         let mut costs = Vec::new();
@@ -157,7 +160,7 @@ pub fn write(desk: &Desk) -> Result<String> {
                 Ok(Cost { at, taken: repeated(bench, turns)? })
             })?);
         }
-        rows += &table_rows(what, &costs);
+        rows += &table_rows(what, &costs, n_threads);
         of_time.push(panel((what, &costs), "seconds", &SECONDS));
         of_memory.push(panel((what, &costs), "MB", &MEGABYTES));
     }
@@ -167,7 +170,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          paths; then one thing after the other grows (triangles are those that the hall is asked for, which it has to within a few in a hundred; with the pixels, 16 columns and 2 samples; threads beyond those of the machine share its cores). CPU seconds of preparing the scene (hierarchy, lights) and\n\
          of the bake, and the bake's seconds by the clock, each bake in a process of its own, median (least…greatest) of the seeds {}, fewer where those before took more than {PATIENCE_SECS} s together; of memory, bytes and errors one figure where all of them round to it.\n\
          Memory of the scene is what the process has more when it is prepared (what was freed meanwhile is given back), that of the bake the most that it had beyond this; bytes are those of the file, the error is what the bake tells of itself (truncation and sampling): where it grows, what is kept of noise shrinks, and with it the file. The exponent e of the\n\
-         power law y ∝ xᵉ is fitted by least squares of the logarithms of the medians to so many points: left out are no bounces at all, and CPU seconds below {LEAST_SECS}, as they are counted in hundredths. {}\n",
+         power law y ∝ xᵉ is fitted by least squares of the logarithms of the medians to so many points: left out are more threads than the machine has, and CPU seconds below {LEAST_SECS}, as they are counted in hundredths; of fewer than {LEAST_POINTS} points there is none, nor of bounces, of which roulette leaves ever fewer. {}\n",
         bench.triangles,
         size[0],
         size[1],
@@ -266,7 +269,8 @@ fn forget_peak() -> bool {
     std::fs::write("/proc/self/clear_refs", "5").is_ok()
 }
 
-fn table_rows(what: &str, costs: &[Cost]) -> String {
+/// A row for each value of what grows, and one of the exponents, given the threads of the machine.
+fn table_rows(what: &str, costs: &[Cost], n_threads: usize) -> String {
     let row = |cost: &Cost| {
         format!(
             "| {what} | {:.0} | {} | {} | {} | {} | {} | {} | {} |\n",
@@ -280,11 +284,15 @@ fn table_rows(what: &str, costs: &[Cost]) -> String {
             told(&cost.all(|taken| Some(taken.error_db))),
         )
     };
+    let rows: String = costs.iter().map(row).collect();
+    if what == BOUNCES {
+        return rows;
+    }
+    let is_fitted = |cost: &&Cost| what != THREADS || cost.at <= n_threads as f64;
     let fitted = |of: Figure, least: f64| {
-        let points = costs.iter().filter_map(|cost| Some([cost.at, median(&cost.all(of))?]));
+        let points = costs.iter().filter(is_fitted).filter_map(|cost| Some([cost.at, median(&cost.all(of))?]));
         exponent_words(points.filter(|[_, y]| *y >= least))
     };
-    let rows: String = costs.iter().map(row).collect();
     rows + &format!(
         "| **{what}, exponent** | | {} | {} | {} | {} | {} | {} | |\n",
         fitted(|taken| Some(taken.prepare_secs), LEAST_SECS),
@@ -320,7 +328,7 @@ fn panel((what, costs): (&'static str, &[Cost]), label: &'static str, curves: &[
         points: costs.iter().filter_map(|cost| Some([cost.at, median(&cost.all(of))?])).collect(),
         is_joined: true,
     };
-    let scale = if what == "bounces" { Scale::Linear } else { Scale::Log };
+    let scale = if what == BOUNCES { Scale::Linear } else { Scale::Log };
     Panel {
         title: what.into(),
         x: Axis { label: what, scale },
@@ -370,13 +378,22 @@ mod tests {
 
     #[test]
     fn memory_and_bytes_are_told_with_their_ends_and_exponents() {
-        let rows = table_rows("triangles", &grown());
+        let rows = table_rows("triangles", &grown(), 1);
         let first = "| triangles | 1 | 0.01 (0.01…0.01) | 1.0 (1.0…1.0) | 0.50 (0.50…0.50) | 1.0 | 2.0 (1.5…2.5) | 1.0 | 30.0 |\n";
         assert!(rows.starts_with(first), "{rows}");
         let last =
             "| — | 1.00 (3 points) | 1.00 (3 points) | 2.00 (3 points) | 0.00 (3 points) | 1.00 (3 points) | |\n";
         assert!(rows.ends_with(last), "{rows}");
+        assert!(!table_rows(BOUNCES, &grown(), 1).contains("exponent"), "they come to an end");
         assert_eq!((told(&[]), seeds(3)), ("—".into(), vec![1, 2, 3]));
+    }
+
+    #[test]
+    fn more_threads_than_the_machine_has_are_no_points_of_a_power_law() {
+        let fitted = |n_threads: usize| table_rows(THREADS, &grown(), n_threads);
+        assert!(fitted(4).ends_with("| 1.00 (3 points) | |\n"), "{}", fitted(4));
+        assert!(fitted(2).ends_with("| **threads, exponent** | | — | — | — | — | — | — | |\n"), "{}", fitted(2));
+        assert!(fitted(2).starts_with("| threads | 1 |") && fitted(2).contains("| threads | 4 |"), "{}", fitted(2));
     }
 
     #[test]

@@ -9,6 +9,8 @@ use anyhow::{Context, Result};
 use flate2::Crc;
 use serde::{Serialize, de::DeserializeOwned};
 
+use super::desk::cpu_name;
+
 /// Environment variable with another folder; without it a folder of the user's cache.
 const FOLDER_VARIABLE: &str = "CLERESTORY_REPORT_CACHE";
 /// Between the key of numbers and the seconds that it took to make them.
@@ -113,8 +115,8 @@ impl Kept {
         self.folder.join("references").join(format!("{:08x}-{:08x}.bin", crc(key.as_bytes()), key.len()))
     }
 
-    /// What was measured of a part of a section, by this very program: as it is written down from an interrupted run, with the seconds
-    /// that it took then, else measured now.
+    /// What was measured of a part of a section, by this very program on this machine: as it is written down from an interrupted run,
+    /// with the seconds that it took then, else measured now.
     ///
     /// # Errors
     /// If it cannot be measured or written.
@@ -146,10 +148,15 @@ impl Kept {
         Ok(())
     }
 
-    /// Parts of another program are none of this one: they lie apart.
+    /// Parts of another program, or of another machine that has the same folder, are none of this one: they lie apart.
     fn parts(&self, section: &str) -> Result<PathBuf> {
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        self.parts_on(&format!("{threads} threads of {}", cpu_name()), section)
+    }
+
+    fn parts_on(&self, machine: &str, section: &str) -> Result<PathBuf> {
         let program = fs::read(std::env::current_exe()?).context("cannot read this program")?;
-        Ok(self.folder.join("parts").join(format!("{section}-{:08x}", crc(&program))))
+        Ok(self.folder.join("parts").join(format!("{section}-{:08x}-{:08x}", crc(&program), crc(machine.as_bytes()))))
     }
 }
 
@@ -278,6 +285,14 @@ mod tests {
     fn a_checksum_knows_contents_of_one_length_apart() {
         assert_eq!(checksum(b"123456789"), "cbf43926 of 9 bytes");
         assert_ne!(checksum(b"a room"), checksum(b"a hall"));
+    }
+
+    #[test]
+    fn parts_of_another_machine_lie_apart() {
+        let kept = kept("machines");
+        let [two, four] = ["2 threads of a CPU", "4 threads of a CPU"].map(|on| kept.parts_on(on, "time").unwrap());
+        assert_ne!(two, four);
+        assert_eq!(kept.parts("time").unwrap(), kept.parts("time").unwrap());
     }
 
     #[test]

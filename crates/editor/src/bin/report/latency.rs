@@ -9,10 +9,12 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
 use clerestory::headless::GALLERY;
+use clerestory_nystrom::BlockLowRank;
 use clerestory_relight::synthetic::{Ranks, Recipe};
 use clerestory_relight::{DeviceChoice, DisplayParams, Frame, Gpu, GpuRelighter, Precision};
 use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
+use clerestory_transport::basis::{ColumnGroup, ColumnKind};
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::import;
@@ -30,7 +32,7 @@ use super::goal::Goal;
 const LAMPS: usize = 20;
 /// Texels along each side of the panel.
 const TEXELS: u32 = 32;
-/// Largest rank of a block; they are spread evenly.
+/// Largest rank of a block of the panel; they are spread evenly. Lamps have their number in every block.
 const RANK: u32 = 9;
 /// Most milliseconds that are asked for at a size: from an event to its picture, relit by so many cores at most; and of the window's
 /// thread where a device of hardware relights.
@@ -52,8 +54,8 @@ pub fn write(desk: &Desk) -> Result<String> {
         (desk.choose(EVENTS[0], EVENTS[1]), desk.choose(DEVICE_EVENTS[0], DEVICE_EVENTS[1]));
     Ok(format!(
         "## Latency\n\n\
-         One slider dragged, each event sent when the picture of the one before is there: {n_events} events on the CPU, {n_device_events} on a graphics device. {LAMPS} lamps and a\n\
-         panel of {TEXELS} × {TEXELS} texels, blocks of rank 0 to {RANK} with random factors of seed {}, so that every block moves and none is left out for being unseen. Milliseconds on {} threads.\n\
+         One slider dragged, once at each size and by each that relights, each event sent when the picture of the one before is there: {n_events} events on the CPU, {n_device_events} on a graphics device. {LAMPS} lamps and a\n\
+         panel of {TEXELS} × {TEXELS} texels: blocks of rank {LAMPS} for the lamps, as they are kept apart, and of rank 0 to {RANK} for the panel, with random factors of seed {}, so that every block moves and none is left out for being unseen. Milliseconds on {} threads.\n\
          On the CPU from the event to the end of the frame that draws its picture, triangles of the interface made. On a device from the event until the\n\
          device has all commands of that frame, those of relighting and those that draw the window of 1440 × 900, into a picture instead of a screen. A driver without hardware\n\
          computes on the cores that we need, and in the call that hands it commands: OpenGL in the first, Vulkan in that of the window's picture, which waits until relighting is done.\n\
@@ -131,22 +133,34 @@ fn synthetic_bake(film: Film) -> Result<Bake> {
     let baked = job.run(|_| std::ops::ControlFlow::Continue(()))?.context("nobody stopped it")?;
     let mut header = (*baked.header).clone();
     (header.width, header.height) = (film.width, film.height);
-    let recipe = Recipe {
-        width: film.width,
-        height: film.height,
-        tile: header.tile,
-        n_cols: header.basis.groups.iter().map(|group| group.columns.len() as u32).collect(),
-        rank: Ranks::Spread(RANK),
-        n_sparse: 0,
-        is_positive: true,
-        ..Recipe::default()
-    };
     ensure!(
         header.basis.sources.len() == LAMPS + 1,
         "{} lights instead of {LAMPS} and a panel",
         header.basis.sources.len()
     );
-    Ok(Bake { header: Arc::new(header), groups: recipe.frame().groups, irradiance: Vec::new(), packed: None })
+    let groups = random_groups(&header.basis.groups, film, header.tile);
+    Ok(Bake { header: Arc::new(header), groups, irradiance: Vec::new(), packed: None })
+}
+
+/// Random blocks of the ranks that bakes have: of lamps, which are kept apart, their number, and of all else some.
+fn random_groups(groups: &[ColumnGroup], film: Film, tile: u32) -> Vec<BlockLowRank> {
+    let random = |group: &ColumnGroup| {
+        let n_cols = group.columns.len() as u32;
+        let rank = if group.kind == ColumnKind::Luminaire { Ranks::Fixed(n_cols) } else { Ranks::Spread(RANK) };
+        Recipe {
+            width: film.width,
+            height: film.height,
+            tile,
+            n_cols: vec![n_cols],
+            rank,
+            n_sparse: 0,
+            is_positive: true,
+            ..Recipe::default()
+        }
+        .frame()
+        .groups
+    };
+    groups.iter().flat_map(random).collect()
 }
 
 /// The scene with more lamps like its first, so that it has as many as there should be beside a panel.
@@ -195,6 +209,17 @@ fn quantiles(mut secs: Vec<f64>, asked_ms: Option<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn blocks_of_lamps_have_the_rank_of_their_number_and_those_of_a_panel_some() {
+        let groups = [(ColumnKind::Luminaire, 0..20), (ColumnKind::Panel, 20..1044)];
+        let groups = groups.map(|(kind, columns)| ColumnGroup { kind, columns });
+        let random = random_groups(&groups, Film { width: 64, height: 32 }, 16);
+        let [lamps, panel] = &random[..] else { panic!("{} groups", random.len()) };
+        assert!(lamps.n_cols == 20 && lamps.blocks.len() == 8);
+        assert!(lamps.blocks.iter().all(|block| block.as_ref().is_some_and(|block| block.rank == 20)));
+        assert!(panel.n_cols == 1024 && panel.blocks.iter().flatten().all(|block| block.rank <= RANK));
+    }
 
     #[test]
     fn the_median_and_the_slowest_each_say_whether_they_are_what_is_asked_for() {

@@ -10,14 +10,15 @@ pub struct Page {
 
 const HEAD: &str = "# Benchmarks\n\n\
     Every figure on this page was measured and written by the command that its section names, but for tables of others that a section\n\
-    quotes, which say whose they are. Times depend on the machine; figures of one table come from one run. Each section tells how long it took, and goes on where it was interrupted; `--quick`\n\
-    measures less of them, aims at under five minutes on two cores, and says at the end of the page what all took. The yardstick that a section\n\
+    quotes, which say whose they are. Times depend on the machine; figures of a section come from one run, or, where it tells of an interruption, from several of one program on one machine. Each section tells how long it took, and a run of all of them at the end of the page what they took together; `--quick`\n\
+    measures less of them, and aims at under five minutes on two cores. The yardstick that a section\n\
     tells is work that no change of this program touches: all threads at once deflate a MiB each with a library, the median of five rounds.\n\
     Where it differs, the machine was faster or slower, and seconds of such sections are not to be compared. Sections that tell none are\n\
     older than it.\n\n\
     Seven experiments: error against time; the method's own evaluation; growth; what nobody beats, in bytes and in time to\n\
     relight; ablations, with the work that is skipped; what a sitting costs; and every method on matrices on which methods fail, which\n\
-    has a page of its own: [stability](stability.md). The other sections measure one part of the program each.\n\n\
+    has a page of its own: [stability](stability.md). The other sections measure one part of the program each.\n\
+    A section that was not written yet is not there, also where this head names it.\n\n\
     Which way is ahead stands below each table of [Error against time](#error-against-time), after how many looks a bake has paid in\n\
     [Where a bake pays for itself](#where-a-bake-pays-for-itself), and again in the sections behind them for scenes with mirrors and glass,\n\
     for scenes of others, and under a sky; which methods no other one beats, in [What nobody beats](#what-nobody-beats).\n\n\

@@ -133,7 +133,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## Other renderers\n\n\
          The same file in `scripts/peers.py`: one picture of {} × {} pixels under all lights, {:?} bounces, CPU seconds of rendering without loading the file (those of Cycles count its hierarchy, which the call that renders builds, and those of both others that they write the picture; ours count neither, but of bakes that they are relit), and PSNR: the mean of (x − a)(x − b), a and b two pictures that\n\
-         ours traced with {converged} samples per pixel each, so that their noise does not count, all exposed to four times the median luminance of their mean and clipped at white; told as no less than its standard error over the pixels. Mitsuba in the faster of its variants that runs here, its kernels compiled before. Nobody denoises but ours where it says so. Median (least…greatest) of {} seeds, everybody in turn. {}\n\n\
+         ours traced with {converged} samples per pixel each, so that their noise does not count, all exposed to four times the median luminance of their mean and clipped at white; told as no less than its standard error over the pixels. Mitsuba is vectorized where it finds LLVM and scalar where not, as the name says, its kernels compiled before; its samples are multijittered, and roulette may end its paths from depth 3 on. What others make otherwise than ours counts as their error, since ours traced what all are held against. Nobody denoises but ours where it says so. Median (least…greatest) of {} seeds, everybody in turn. {}\n\n\
          | scene | renderer | samples per pixel | CPU s | PSNR, dB |\n|---|---|---|---|---|\n{rows}",
         film.width,
         film.height,

@@ -60,7 +60,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     }
     Ok(format!(
         "## Relighting\n\n\
-         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere, random factors of seed {}, coefficients of the seeds from {SEEDS_OF_TURN} times the turn on; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Least…greatest of\n\
+         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere, random factors of seed {}, coefficients of the seeds from {SEEDS_OF_TURN} times the turn on. Least…greatest of\n\
          {n_turns} turns, shares by the least: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
          read (16-bit floats, or bytes with a scale per vector), and the radiance that is written; on a device it is read again, and what is shown is written. On the CPU each but display alone, which is done once, is done {REPEATS} times in a row, as in a drag, and the last is timed.\n\
          The share is that of what the same memory did in the same turns: read by all threads on the CPU, of far more than caches hold; copied by a kernel on a device. What moves\n\
@@ -158,7 +158,8 @@ impl Row {
 }
 
 fn name([width, height, n_cols, rank, depth]: Job) -> String {
-    format!("relight/{width}x{height}/{n_cols}/{rank}/{depth}")
+    let entries = if depth == 1 { "bytes" } else { "16-bit floats" };
+    format!("{width} × {height}, {n_cols} columns, rank {rank}, {entries}")
 }
 
 fn table(title: &str, rows: &[Row]) -> String {
@@ -225,4 +226,15 @@ fn on_cpu(desk: &Desk, jobs: &[Job]) -> Result<String> {
     }
     let threads = rayon::current_num_threads();
     Ok(table(&format!("CPU, {threads} threads: {}", cpu_name()), &rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_job_is_told_in_plain_words() {
+        assert_eq!(name([512, 384, 256, 4, 2]), "512 × 384, 256 columns, rank 4, 16-bit floats");
+        assert_eq!(name([512, 384, 256, 8, 1]), "512 × 384, 256 columns, rank 8, bytes");
+    }
 }

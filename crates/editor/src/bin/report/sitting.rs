@@ -2,13 +2,15 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context, Result};
+use clerestory::session::glimpse;
 use clerestory_nystrom::BlockLowRank;
 use clerestory_relight::{
     CpuRelighter, DeviceChoice, DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight, encode,
 };
+use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeJob, Indirect, Passes};
 use clerestory_transport::camera::Film;
 use clerestory_transport::light::{LightRig, LightSetting};
@@ -20,14 +22,15 @@ use super::desk::{Desk, clerestory};
 use super::fit::{spread_words, tenths};
 use super::plot::{Axis, Panel, Scale, Series};
 use super::reference::{Reference, Sampling};
-use super::under_way::{Pass, run_until};
+use super::under_way::{OF_WINDOW, Pass, run_until};
 
 /// Error, as the program tells it itself, at which a designer goes on.
 const TARGET_DB: f32 = 35.0;
-/// Names of the stages that end in a picture whose error is told: the preview, and 35 dB.
+/// Names of the stages that end in a picture of the bake: a first look, the preview, and what is told to have 35 dB.
+const TO_LOOK: &str = "first look";
 const TO_PREVIEW: &str = "first preview";
-const TO_TARGET: &str = "35 dB told, or given up";
-/// Longest that is waited for it, seconds; on a machine that is lent for minutes, and else.
+const TO_TARGET: &str = "refined until 35 dB are told, or the time is up";
+/// Longest that is refined, seconds; on a machine that is lent for minutes, and else.
 const PATIENCE_SECS: [u64; 2] = [20, 60];
 
 /// How a section sits.
@@ -37,6 +40,8 @@ struct Manner<'a> {
     plot: &'a str,
     /// Sittings with each scene.
     turns: u64,
+    /// How its light is baked, and the words behind the name of the scene.
+    lights: &'a [(Indirect, &'static str)],
     patience_secs: u64,
     /// Devices beside the CPU.
     choice: DeviceChoice,
@@ -85,12 +90,14 @@ struct Sat {
 pub fn write(desk: &Desk) -> Result<String> {
     let (film, turns, patience_secs) = (film_of(desk), desk.choose(1, 3), PATIENCE_SECS[1]);
     let (choice, errors) = (DeviceChoice::Any, Errors::Measured);
-    let manner = Manner { section: "sitting", plot: "sitting", turns, patience_secs, choice, errors };
+    let lights = &OF_WINDOW;
+    let manner = Manner { section: "sitting", plot: "sitting", turns, lights, patience_secs, choice, errors };
     let Sat { text, devices } = sat(desk, manner)?;
     Ok(format!(
         "## What a sitting costs\n\n\
-         {} × {} pixels, indirect light shared, seconds by the clock, median (least…greatest) of {turns} sittings, of seeds 1 to {turns}: how long a stage takes, and when it is\n\
-         over, counted from opening the file. It is refined pass by pass until a pass tells {TARGET_DB} dB at its end, after {patience_secs} s at the latest, where it is given up in the midst of a pass.\n\
+         {} × {} pixels, baked in the passes of a window (a first look, a preview, a sixteenth of the samples, then all of them) at its quality *Final*, which is what `clerestory bake` does that is told nothing, and once more with\n\
+         indirect light shared; seconds by the clock, median (least…greatest) of {turns} sittings, of seeds 1 to {turns}: how long a stage takes, and when it is over, counted from opening the file. A bake is left\n\
+         when a pass tells {TARGET_DB} dB at its end, and {patience_secs} s after it began at the latest: blocks that the pass under way has reached then stand beside those of the pass before. A window keeps a core to itself, and starts with *Draft* on fewer than eight; here all of them bake.\n\
          Told is what the program says of itself at the end of a pass: the mean over all entries, below the columns' peaks. Measured is the median over columns, as of single lights in Error against\n\
          time, with references of {} samples per pixel: a few lights that are worse than the others weigh in what is told and not in what is measured. A drag is one light set\n\
          anew, relit and brought to the display. Devices: {devices}. {}\n{text}",
@@ -107,10 +114,11 @@ pub fn write(desk: &Desk) -> Result<String> {
 /// As [`write()`].
 pub fn once(desk: &Desk, section: &str, choice: DeviceChoice) -> Result<String> {
     let (film, plot, [patience_secs, usual_secs]) = (film_of(desk), format!("{section}-sitting"), PATIENCE_SECS);
-    let manner = Manner { section, plot: &plot, turns: 1, patience_secs, choice, errors: Errors::Told };
+    let (lights, errors) = (&OF_WINDOW[..1], Errors::Told);
+    let manner = Manner { section, plot: &plot, turns: 1, lights, patience_secs, choice, errors };
     let Sat { text, devices } = sat(desk, manner)?;
     Ok(format!(
-        "{} × {} pixels, one sitting of seed 1 with each scene, refined until a pass tells {TARGET_DB} dB, and given up after {patience_secs} s instead of {usual_secs} s. The dB are those that the program tells of itself;\n\
+        "{} × {} pixels, one sitting of seed 1 with each scene, in the passes of a window at its quality *Final*, refined until a pass tells {TARGET_DB} dB, and left after {patience_secs} s instead of {usual_secs} s. The dB are those that the program tells of itself;\n\
          none are measured, since the references would have to be made for it. Devices: {devices}.\n{text}",
         film.width, film.height,
     ))
@@ -132,18 +140,20 @@ fn sat(desk: &Desk, manner: Manner<'_>) -> Result<Sat> {
     let (mut rows, mut passes) = (String::new(), String::new());
     for (name, path) in scenes.into_iter().take(desk.choose(1, 3)) {
         let Some(path) = path else { continue };
-        let mut sittings = Vec::new();
-        for turn in 0..manner.turns {
-            sittings.push(desk.part(manner.section, &format!("sitting-{name}-{turn}"), || {
-                desk.say(&format!("a sitting with {name}, turn {}", turn + 1));
-                sitting(desk, &path, turn, manner)
-            })?);
+        for &(indirect, how) in manner.lights {
+            let (name, mut sittings) = (format!("{name}{how}"), Vec::new());
+            for turn in 0..manner.turns {
+                sittings.push(desk.part(manner.section, &format!("sitting-{name}-{turn}"), || {
+                    desk.say(&format!("a sitting with {name}, turn {}", turn + 1));
+                    sitting(desk, &path, (indirect, turn), manner)
+                })?);
+            }
+            let Some(first) = sittings.first() else { continue };
+            rows += &stage_rows(&name, &sittings, manner.errors);
+            passes += &pass_rows(&name, &sittings, manner.errors);
+            devices.clone_from(&first.devices);
+            panels.push(panel(&name, first));
         }
-        let Some(first) = sittings.first() else { continue };
-        rows += &stage_rows(name, &sittings, manner.errors);
-        passes += &pass_rows(name, &sittings, manner.errors);
-        devices.clone_from(&first.devices);
-        panels.push(panel(name, first));
     }
     let text = format!(
         "{}\n{}{rows}\nThe passes of these sittings, as far as they came to their end:\n\n{}{passes}",
@@ -240,7 +250,7 @@ fn pass_rows(name: &str, sittings: &[Sitting], errors: Errors) -> String {
     (0..n_passes).map(pass_row).collect()
 }
 
-fn sitting(desk: &Desk, path: &Path, turn: u64, manner: Manner<'_>) -> Result<Sitting> {
+fn sitting(desk: &Desk, path: &Path, (indirect, turn): (Indirect, u64), manner: Manner<'_>) -> Result<Sitting> {
     let (film, begun) = (film_of(desk), Instant::now());
     let mut stages: Vec<(String, [f64; 2])> = Vec::new();
     let mut note = |stage: &str, from: Instant, to: Instant| {
@@ -253,19 +263,23 @@ fn sitting(desk: &Desk, path: &Path, turn: u64, manner: Manner<'_>) -> Result<Si
     let prepared = Instant::now();
     note("prepare", read, prepared);
 
-    let config = BakeConfig { indirect: Indirect::Shared, seed: turn + 1, ..BakeConfig::default() };
-    let passes = Passes::Until(Instant::now() + Duration::from_secs(manner.patience_secs));
+    let config = BakeConfig { indirect, seed: turn + 1, ..BakeConfig::default() };
     let camera = scene.scene.cameras[0].clone();
+    let passes = Passes::Progressive;
     let job = BakeJob { scene: scene.clone(), camera, film, config, passes, irradiance: Vec::new() };
-    let mut told_db = 0.0;
+    if let Some(look) = glimpse::job(&job) {
+        glimpse::run(look, &Focus::default())?.context("nobody stops a first look of the report")?;
+        note(TO_LOOK, prepared, Instant::now());
+    }
+    let (bake_began, mut told_db) = (Instant::now(), 0.0);
     let baked = run_until(job, |event| {
         if let BakeEvent::PassDone { error_db, .. } = event {
             told_db = error_db.total;
         }
-        told_db >= TARGET_DB
+        told_db >= TARGET_DB || bake_began.elapsed().as_secs() >= manner.patience_secs
     })?;
-    let previewed = baked.passes.first().map_or(prepared, |pass| pass.ended);
-    note(TO_PREVIEW, prepared, previewed);
+    let previewed = baked.passes.first().map_or(baked.ended, |pass| pass.ended);
+    note(TO_PREVIEW, bake_began, previewed);
     note(TO_TARGET, previewed, baked.ended);
 
     let frame = Frame { width: film.width, height: film.height, groups: baked.groups.clone() };
@@ -337,7 +351,7 @@ fn panel(name: &str, sitting: &Sitting) -> Panel {
         None => (sitting.left.told_db, "told"),
     };
     Panel {
-        title: format!("{name} (left at {db:.0} dB {how})"),
+        title: format!("{name}, {db:.0} dB {how} when it was left"),
         x: Axis { label: "seconds from opening", scale: Scale::Log },
         y: Axis { label: "stage after stage", scale: Scale::Order },
         series: sitting.stages.iter().enumerate().map(bar).collect(),
@@ -370,7 +384,7 @@ mod tests {
         let rows = stage_rows("hall", &sittings, errors);
         assert!(rows.contains("| hall | first preview | 1.0 (1.0…1.0) | 1.0 (1.0…1.0) | 20.0 (20.0…20.0) |"), "{rows}");
         assert!(
-            rows.contains("given up: 30.0 (30.0…30.0) dB told | 59 (59…61) | 60 (60…62) | 36.5 (36.5…36.5) |"),
+            rows.contains("the time is up: 30.0 (30.0…30.0) dB told | 59 (59…61) | 60 (60…62) | 36.5 (36.5…36.5) |"),
             "{rows}"
         );
         assert!(rows.contains("| save the bake | 1.0 (1.0…1.0) | 61 (61…63) |  |"), "{rows}");
@@ -386,12 +400,15 @@ mod tests {
         let (errors, sittings) = (Errors::Told, [example(20.0, 2, Errors::Told)]);
         assert_eq!(header(["a", "b", "c", "d"], errors), "| a | b | c | d |\n|---|---|---|---|\n");
         let rows = stage_rows("hall", &sittings, errors);
-        assert!(rows.contains("| hall | 35 dB told, or given up: 30.0 dB told | 19 | 20 |\n"), "{rows}");
+        assert!(
+            rows.contains("| hall | refined until 35 dB are told, or the time is up: 30.0 dB told | 19 | 20 |\n"),
+            "{rows}"
+        );
         assert_eq!(
             pass_rows("hall", &sittings, errors),
             "| hall | preview | 1.0 | 12.0 |\n| hall | 1 | 9.0 | 30.0 |\n"
         );
-        assert_eq!(panel("hall", &sittings[0]).title, "hall (left at 30 dB told)");
+        assert_eq!(panel("hall", &sittings[0]).title, "hall, 30 dB told when it was left");
         // What an interrupted run has written down can be read again.
         let kept = serde_json::to_string(&sittings[0]).unwrap();
         let sitting: Sitting = serde_json::from_str(&kept).unwrap();

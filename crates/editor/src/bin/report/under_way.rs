@@ -6,7 +6,10 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use clerestory_nystrom::BlockLowRank;
-use clerestory_transport::bake::{BakeEvent, BakeHeader, BakeJob};
+use clerestory_transport::bake::{BakeEvent, BakeHeader, BakeJob, Indirect};
+
+/// Indirect light as a window has it that is told nothing, and as it has it soonest, with the words behind the name of a scene.
+pub const OF_WINDOW: [(Indirect, &str); 2] = [(Indirect::Traced, ""), (Indirect::Shared, ", light shared")];
 
 /// What a bake had when a pass of it was over.
 pub struct Pass {
@@ -72,4 +75,16 @@ pub fn run_until(job: BakeJob, mut is_enough: impl FnMut(&BakeEvent) -> bool + S
 /// Whether an event says that a pass has ended.
 pub fn ends_a_pass(event: &BakeEvent) -> bool {
     matches!(event, BakeEvent::PassDone { .. })
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::bake::BakeConfig;
+
+    use super::*;
+
+    #[test]
+    fn a_window_that_is_told_nothing_comes_first() {
+        assert_eq!(OF_WINDOW[0], (BakeConfig::default().indirect, ""));
+    }
 }

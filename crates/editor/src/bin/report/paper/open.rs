@@ -44,7 +44,9 @@ fn measured(desk: &Desk, scene: &str, sky: &str) -> Result<(String, Vec<u8>)> {
     let keys = told.pointer("/lights").and_then(Value::as_array).context("no lights")?;
     let lamps = keys.iter().filter_map(Value::as_str).filter(|key| *key != "sky");
     let off: serde_json::Map<String, Value> = lamps.map(|key| (key.into(), json!({ "intensity": 0 }))).collect();
-    let (mut rows, mut pictures, mut first) = (String::new(), Vec::new(), None);
+    let (mut rows, mut first) = (String::new(), None);
+    // A row of the sheet each.
+    let (mut all_traced, mut all_relit) = (Vec::new(), Vec::new());
     for turn in TURNS_DEG {
         let look = desk.file("open.look");
         std::fs::write(&look, json!({ "clerestory": 1, "lights": off, "sky": { "rotation_deg": turn } }).to_string())?;
@@ -65,10 +67,9 @@ fn measured(desk: &Desk, scene: &str, sky: &str) -> Result<(String, Vec<u8>)> {
         let traced = [traced(TRACE_SEEDS[0])?, traced(TRACE_SEEDS[1])?];
         let row = row(&relit, &traced, first.get_or_insert_with(|| relit[0].clone()))?;
         rows += &format!("| {turn}° | {row} |\n");
-        if turn != TURNS_DEG[1] {
-            let [traced, _] = traced;
-            pictures.extend([(format!("traced, {turn}°"), traced), (format!("relit, {turn}°"), relit.swap_remove(0))]);
-        }
+        let [traced, _] = traced;
+        all_traced.push((format!("traced, {turn}°"), traced));
+        all_relit.push((format!("relit, {turn}°"), relit.swap_remove(0)));
     }
     let text = format!(
         "\n### A building under a measured sky\n\n\
@@ -84,7 +85,8 @@ fn measured(desk: &Desk, scene: &str, sky: &str) -> Result<(String, Vec<u8>)> {
         number(&told, "/file_bytes") / 1e6,
         TRACE_SEEDS.join(" and "),
     );
-    let pictures: Vec<_> = pictures.iter().map(|(name, picture)| (name.as_str(), Radiance::clone(picture))).collect();
+    let pictures = all_traced.iter().chain(&all_relit);
+    let pictures: Vec<_> = pictures.map(|(name, picture)| (name.as_str(), Radiance::clone(picture))).collect();
     Ok((text, jpeg(&pictures)?))
 }
 

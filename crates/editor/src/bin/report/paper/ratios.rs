@@ -10,6 +10,7 @@ use super::components::Components;
 use super::lights::psnr_db;
 use super::{Repeats, SEED, approximated, middle, repeated, sampling, told};
 use crate::desk::Desk;
+use crate::fit::{digits, secs_at};
 use crate::methods::dense::Picture;
 use crate::methods::own;
 use crate::plot::{Axis, Panel, Scale, Series};
@@ -63,7 +64,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         let exact = exact.map(|rank| format!("{rank:.1}")).join(" | ");
         ranks += &format!("| {side} × {side} | {exact} | {least:.1} | {ours:.1} |\n");
         for (name, curve) in NAMES.iter().zip(curves).filter(|(_, curve)| !curve.is_empty()) {
-            let words: Vec<String> = curve.iter().map(|(ratio, db)| format!("{ratio:.0}× {}", told(db))).collect();
+            let words: Vec<String> = curve.iter().map(|(ratio, db)| format!("{ratio:.0}×, {} dB", told(db))).collect();
             rows += &format!("| {side} × {side} | {name} | {} |\n", words.join(" | "));
         }
         panels.extend(Some(panel(*side, curves)).filter(|panel| !panel.series.is_empty()));
@@ -75,7 +76,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
          the dense matrix in single precision to the bytes, and PSNR in dB against it: ours asked for {} dB of single texels and packed as a file has it;\n\
          principal components (`svd`) with a rank for each block for the same tolerances, packed alike but for dark blocks, which ours holds to less; then at ranks {}, as Nyström's method after a transform\n\
          (`kernel`), two bytes for each number. `kernel` has the seeds that are told above on the same samples; all else has one, as `svd` draws nothing and ours is compressed with one. Of the four scenes of the table Columns this is the easiest,\n\
-         so that the others are compressed less than it says.\n{}\n\
+         so that the others are compressed less than it says.{}\n{}\n\
          | texels | method |{}\n|---|---|{}\n{rows}\n\
          ### Rank against texels\n\n\
          Mean rank of blocks of 16 × 16 pixels for {RANK_DB} dB of single texels, the least there is and that of ours. First of a matrix without noise: the floor, wall\n\
@@ -87,8 +88,9 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         2 * spp,
         TOLERANCES_DB.map(|db| db.to_string()).join(", "),
         RANKS.map(|rank| rank.to_string()).join(", "),
+        packing_words(&found),
         desk.plot("paper-ratios", "PSNR against the ratio of compression, by number of texels", &panels)?,
-        " |".repeat(TOLERANCES_DB.len()),
+        " dense / bytes, PSNR |".repeat(TOLERANCES_DB.len()),
         "---|".repeat(TOLERANCES_DB.len()),
         CompressConfig::default().seed,
         is_it_constant(&found, &exact),
@@ -96,11 +98,36 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     ))
 }
 
+/// What the kernel is to be held against, and why.
+fn packing_words(found: &[Resolution]) -> String {
+    let gain = packing_gain(found).map(digits);
+    gain.map_or(String::new(), |times| {
+        format!(
+            " Packing alone makes `svd` up to {times} times smaller at like PSNR, so the kernel is to be held against `svd` in 16-bit numbers."
+        )
+    })
+}
+
+/// How many times smaller packing alone makes leading components, at most: at the PSNR of each point that is packed, between those of
+/// 16-bit numbers around it.
+fn packing_gain(found: &[Resolution]) -> Option<f64> {
+    let gains = |Resolution { curves: [_, packed, plain, _], .. }: &Resolution| -> Vec<f64> {
+        let plain = points(plain);
+        points(packed).into_iter().filter_map(|[ratio, db]| Some(ratio / secs_at(db, &plain)?)).collect()
+    };
+    found.iter().flat_map(gains).max_by(f64::total_cmp)
+}
+
+/// (ratio, dB) of a curve.
+fn points(curve: &Curve) -> Vec<[f64; 2]> {
+    curve.iter().filter_map(|(ratio, db)| Some([*ratio, middle(db)?])).collect()
+}
+
 /// Curves of a number of texels; those that were not measured are left out.
 fn panel(side: usize, curves: &[Curve; NAMES.len()]) -> Panel {
     let series = NAMES.iter().zip(curves).filter(|(_, curve)| !curve.is_empty()).map(|(name, curve)| Series {
         name: name.replace('`', ""),
-        points: curve.iter().filter_map(|(ratio, db)| Some([*ratio, middle(db)?])).collect(),
+        points: points(curve),
         is_joined: true,
     });
     Panel {
@@ -253,6 +280,18 @@ mod tests {
             "which holds the noise, is not constant, it grows 10.0 times, and ours is not constant, it shrinks to 0.50"
         ));
         assert_eq!(is_it_constant(&[], &[]), "");
+    }
+
+    #[test]
+    fn the_kernel_is_held_against_what_is_packed_as_little() {
+        let curve = |points: &[[f64; 2]]| points.iter().map(|[ratio, db]| (*ratio, Some(vec![*db]))).collect::<Curve>();
+        let plain = curve(&[[100.0, 20.0], [25.0, 40.0]]);
+        // Between both points, and beyond the last.
+        let packed = curve(&[[150.0, 30.0], [90.0, 45.0]]);
+        let found = [Resolution { side: 8, curves: [Curve::new(), packed, plain, Curve::new()], ranks: [0.0; 2] }];
+        assert!(packing_gain(&found).is_some_and(|gain| (gain - 3.0).abs() < 1e-9));
+        assert!(packing_words(&found).contains("up to 3.0 times smaller at like PSNR"));
+        assert_eq!(packing_words(&[]), "");
     }
 
     #[test]

@@ -14,8 +14,8 @@ pub(super) fn table(scenes: &[(Subject, Measured)], of: &str) -> String {
         "\n### Where a bake pays for itself{of}\n\n\
          Looks after which the bake has cost less CPU time than a render of each at the same error: of looks that are one single light, all\n\
          lights of the file, or a spot on a panel. Relighting itself takes milliseconds (see Relighting) and is not counted. \"≤\" and \">\": one of\n\
-         the two reached the error before the first point that was measured, or would have after the last; \"—\": nothing follows from them. All of it is\n\
-         of seed {} alone; how far seeds lie apart stands under Repeats.\n\n\
+         the two reached the error before the first point that was measured, or would have after the last; \"—\": nothing follows from them. Errors beyond what the\n\
+         reference can tell have no row. All of it is of seed {} alone; how far seeds lie apart stands under Repeats.\n\n\
          | looks | scene | dB | {} |\n|---|---|---|{}\n",
         SEEDS[0],
         BAKES.map(Way::name).join(" | "),
@@ -31,15 +31,19 @@ pub(super) fn table(scenes: &[(Subject, Measured)], of: &str) -> String {
     text + &told
 }
 
-/// The rows of a class of light, and what they say of ours; nothing where no scene has such light.
+/// The rows of a class of light that its references can judge, and what they say of ours; nothing where no scene has such light.
 fn of_class(scenes: &[(Subject, Measured)], class: usize) -> (String, String) {
     let mut rows = String::new();
-    let (mut most, mut n_rows): ([Vec<f64>; N_OURS], usize) = Default::default();
+    let (mut most, mut n_rows, mut n_beyond): ([Vec<f64>; N_OURS], usize, usize) = Default::default();
     for (subject, measured) in scenes {
         let render = measured.curve(Way::Plain, class);
         let bakes = BAKES.map(|way| measured.curve(way, class));
         for target in TARGETS_DB {
             let Some(render) = secs_between(target, &render) else { continue };
+            if measured.is_beyond(target, class) {
+                n_beyond += 1;
+                continue;
+            }
             let bakes = bakes.each_ref().map(|curve| secs_between(target, curve));
             for (most, bake) in most.iter_mut().zip(bakes) {
                 most.extend(bake.and_then(|bake| most_looks(bake, render)));
@@ -50,11 +54,13 @@ fn of_class(scenes: &[(Subject, Measured)], class: usize) -> (String, String) {
             n_rows += 1;
         }
     }
-    if n_rows == 0 {
+    if n_rows + n_beyond == 0 {
         return Default::default();
     }
     let told: Vec<String> = BAKES.into_iter().zip(&most).map(|(way, most)| most_words(way, most)).collect();
-    (rows, format!("- {}: {}; of {n_rows} rows.\n", CLASSES[class], told.join("; ")))
+    let beyond =
+        if n_beyond > 0 { format!("; {n_beyond} are beyond what the reference can tell") } else { String::new() };
+    (rows, format!("- {}: {}; of {n_rows} rows{beyond}.\n", CLASSES[class], told.join("; ")))
 }
 
 /// After how many looks at most a way is ahead, and how many rows tell it.
@@ -112,16 +118,22 @@ mod tests {
         let (film, path) = (Film { width: 4, height: 3 }, PathBuf::new());
         let subject =
             Subject { name: "hall", path, sky: None, panel: None, film, step: 1, reference_spp: 64, n_seeds: 3 };
-        let scenes = [(subject, Measured { n_cols: 8, points, ends: [None; 3] })];
+        let mut scenes = [(subject, Measured { n_cols: 8, points, ends: [None; 3] })];
         let told = table(&scenes, ", in a test");
         assert!(told.starts_with("\n### Where a bake pays for itself, in a test\n"), "{told}");
         assert!(told.contains("of seed 1 alone"), "{told}");
         assert!(told.contains("| all lights of the file | hall | 30 | — | 10 | — | — | 20 |"), "{told}");
         assert!(told.contains("| single lights | hall | 30 | — | 4 | — | — | 8 |"), "one of eight lights: {told}");
         assert!(!told.contains("| spots on a panel |"), "the scene has none: {told}");
-        let ours = "- all lights of the file: *ours, by default* in none; *ours, indirect light shared* 10 (10…10) in 2; \
-                    *ours, traced, not denoised* in none; of 2 rows.\n";
+        let ours = "- all lights of the file: *ours, by default* in none; *ours, indirect light shared* 10 (10…10) in 3; \
+                    *ours, traced, not denoised* in none; of 3 rows.\n";
         assert!(told.ends_with(ours), "{told}");
+        // As far as the reference tells, and no farther.
+        scenes[0].1.ends[2] = Some(32.0);
+        let told = table(&scenes, ", in a test");
+        assert!(told.contains("| all lights of the file | hall | 30 |"), "{told}");
+        assert!(!told.contains("| all lights of the file | hall | 35 |"), "{told}");
+        assert!(told.ends_with("in none; of 1 rows; 2 are beyond what the reference can tell.\n"), "{told}");
     }
 
     #[test]

@@ -12,7 +12,7 @@ use clerestory_transport::matrix::CHANNELS;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::trace::TraceConfig;
 
-use super::{Measured, Point, Subject, TARGETS_DB, Way, prepared};
+use super::{Measured, Point, Subject, Way, prepared};
 use crate::desk::Desk;
 use crate::matrix::{NO_TOLERANCE_DB, baked, process_cpu_secs};
 use crate::reference::{Reference, Sampling, uncompressed};
@@ -28,8 +28,10 @@ const MOST_BY_DEFAULT: [f64; 2] = [5e4, 5e6];
 const MOST_TRACED: [f64; 2] = [4e5, 4e7];
 const MOST_OF_SOME: [f64; 2] = [4e5, 8e7];
 const MOST_PLAIN: [f64; 2] = [4e5, 5.2e7];
-/// The same for the one of [`FURTHER`] that is ahead, where it has not come to the greatest dB yet.
+/// The same for the one of [`FURTHER`] that is ahead, where it has not come to so many dB of single lights yet: on from there a section
+/// would take more than half an hour.
 const MOST_FURTHER: [f64; 2] = [0.0, 1.3e7];
+pub(super) const FURTHER_DB: f64 = 35.0;
 /// Most samples per pixel of a render of a spot.
 const MOST_SPOT_SPP: u32 = 256;
 /// Lights that are rendered by themselves where all of them take too long.
@@ -209,8 +211,8 @@ fn lights(n_cols: usize, samples: f64, [most_of_all, most_of_some]: [f64; 2]) ->
     (0..n).map(|nth| (2 * nth + 1) * n_cols / (2 * n)).collect()
 }
 
-/// More points of the one of [`FURTHER`] that is ahead, on from the last of each (CPU seconds, dB of single lights) until the greatest
-/// error that is asked about.
+/// More points of the one of [`FURTHER`] that is ahead, on from the last of each (CPU seconds, dB of single lights) until it has
+/// [`FURTHER_DB`].
 fn further(bench: &Bench<'_>, curves: [&[[f64; 2]]; 2]) -> Result<Vec<Point>> {
     let (desk, subject) = (bench.desk, bench.subject);
     let (n_pixels, most) = (subject.film.n_pixels() as f64, desk.choose(MOST_FURTHER[0], MOST_FURTHER[1]));
@@ -219,7 +221,7 @@ fn further(bench: &Bench<'_>, curves: [&[[f64; 2]]; 2]) -> Result<Vec<Point>> {
     let (ahead, mut reached) = if traced > shared { (FURTHER[1], traced) } else { (FURTHER[0], shared) };
     let mut points = Vec::new();
     for spp in SPP.into_iter().filter(new).take_while(|spp| n_pixels * f64::from(*spp) <= most) {
-        if reached.is_none_or(|db| TARGETS_DB.iter().all(|target| *target <= db)) {
+        if reached.is_none_or(|db| db >= FURTHER_DB) {
             break;
         }
         let (scene, judge) = bench.ready()?;

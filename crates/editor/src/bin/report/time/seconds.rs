@@ -1,10 +1,11 @@
 //! The first seconds at the desk: the preview, and what some seconds make of it, by the clock on the wall.
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context, Result};
+use clerestory::session::glimpse;
+use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::{BakeConfig, BakeJob, Indirect, Passes};
 use clerestory_transport::camera::Film;
 use serde::{Deserialize, Serialize};
@@ -15,7 +16,7 @@ use crate::desk::Desk;
 use crate::fit::{hundredths, median, spread_words};
 use crate::goal::Goal;
 use crate::matrix::process_cpu_secs;
-use crate::under_way::{ends_a_pass, run_until};
+use crate::under_way::{OF_WINDOW, ends_a_pass, run_until};
 
 /// What is aimed at: seconds by the clock, and the error of single lights, dB.
 type Aim = (f64, f64);
@@ -27,6 +28,8 @@ const SOON: Aim = (5.0, 35.0);
 #[derive(Serialize, Deserialize)]
 struct Clocked {
     prepare: Vec<f64>,
+    /// Nothing where the bake is as small itself.
+    look: Vec<f64>,
     preview: Vec<f64>,
     preview_cpu: Vec<f64>,
     preview_db: Vec<Option<f64>>,
@@ -47,28 +50,32 @@ pub fn write(desk: &Desk) -> Result<String> {
         let Some(path) = path else { continue };
         let (sky, panel, reference_spp, n_seeds) = (None, None, REFERENCE_SPP, repeats(desk) as usize);
         let subject = Subject { name, path, sky, panel, film, step, reference_spp, n_seeds };
-        let clocked: Clocked = desk.part(SECONDS, name, || clock(desk, &subject))?;
-        rows += &format!(
-            "| {name} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
-            spread_words(clocked.prepare),
-            hundredths(clocked.preview.clone()),
-            spread_words(clocked.preview_cpu),
-            decibels(&clocked.preview_db),
-            verdict(PREVIEW, &clocked.preview, &clocked.preview_db),
-            hundredths(clocked.soon.clone()),
-            decibels(&clocked.soon_db),
-            verdict(SOON, &clocked.soon, &clocked.soon_db),
-        );
+        for (indirect, how) in OF_WINDOW {
+            let part = || clock(desk, &subject, indirect);
+            let clocked: Clocked = desk.part(SECONDS, &format!("{name}{how}"), part)?;
+            rows += &format!(
+                "| {name}{how} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
+                spread_words(clocked.prepare),
+                if clocked.look.is_empty() { "—".into() } else { hundredths(clocked.look) },
+                hundredths(clocked.preview.clone()),
+                spread_words(clocked.preview_cpu),
+                decibels(&clocked.preview_db),
+                verdict(PREVIEW, &clocked.preview, &clocked.preview_db),
+                hundredths(clocked.soon.clone()),
+                decibels(&clocked.soon_db),
+                verdict(SOON, &clocked.soon, &clocked.soon_db),
+            );
+        }
     }
     Ok(format!(
         "## The first seconds\n\n\
-         {}×{} pixels, seconds by the clock on the wall once the file is read: until the hierarchy is built and the lights are found, until the whole\n\
-         preview is there (that included, with the CPU seconds beside), and what a bake with shared indirect light has that is told to end {} s\n\
-         after the preview began. Median (least…greatest) of {} repeats with seeds of their own; error of single lights in dB of each. Aimed at: a preview of\n\
-         {} dB within {} s, and {} dB within {} s, which the medians keep or miss: in seconds, in dB, or in both. Until a preview is there the window shows\n\
-         a first look ([decision 0039](decisions/0039-a-first-look-comes-before-the-preview.md)); [decision 0035](decisions/0035-colors-of-a-chessboard-judge-each-other.md) tells\n\
-         what the fastest bakes wait for, and why those of scenes with coats, metal or glass wait longer. {}\n\n\
-         | scene | prepared | preview | its CPU s | its dB | aim | ended | its dB | aim |\n|---|---|---|---|---|---|---|---|---|\n{rows}",
+         {}×{} pixels, baked in the passes of a window (a first look, a preview, a sixteenth of the samples, then all of them) at its quality *Final*, which is what `clerestory bake` does that is told nothing, and\n\
+         once more with indirect light shared. Seconds by the clock on the wall once the file is read: until the hierarchy is built and the lights are found, until the first look\n\
+         ([decision 0039](decisions/0039-a-first-look-comes-before-the-preview.md)) and until the preview are whole (each with all before it, of the preview the CPU seconds beside). The bake goes on and is left\n\
+         {} s after the scene was prepared, but not before its preview is whole: blocks that the pass under way has reached stand beside those of the pass before. A window keeps a core to itself, and starts with *Draft* on fewer than eight; here all of them bake. Median\n\
+         (least…greatest) of {} repeats with seeds of their own; error of single lights in dB of each. Aimed at: a preview of {} dB within {} s, and {} dB within {} s, which the medians keep or\n\
+         miss: in seconds, in dB, or in both. [Decision 0035](decisions/0035-colors-of-a-chessboard-judge-each-other.md) tells what the fastest bakes wait for, and why those of scenes with coats, metal or glass wait longer. {}\n\n\
+         | scene | prepared | first look | preview | its CPU s | its dB | aim | left | its dB | aim |\n|---|---|---|---|---|---|---|---|---|---|\n{rows}",
         film.width,
         film.height,
         SOON.0,
@@ -103,10 +110,11 @@ fn repeats(desk: &Desk) -> u64 {
     desk.choose(1, 3)
 }
 
-fn clock(desk: &Desk, subject: &Subject) -> Result<Clocked> {
+fn clock(desk: &Desk, subject: &Subject, indirect: Indirect) -> Result<Clocked> {
     let judge = Judge::new(desk, subject, &prepared(subject)?)?;
     let mut clocked = Clocked {
         prepare: Vec::new(),
+        look: Vec::new(),
         preview: Vec::new(),
         preview_cpu: Vec::new(),
         preview_db: Vec::new(),
@@ -119,18 +127,26 @@ fn clock(desk: &Desk, subject: &Subject) -> Result<Clocked> {
         let copy = imported.clone();
         let (begun, cpu) = (Instant::now(), process_cpu_secs()?);
         let scene = Arc::new(clerestory_transport::prepared::PreparedScene::new(copy, &[])?.0);
-        clocked.prepare.push(begun.elapsed().as_secs_f64());
-        let config = BakeConfig { seed, indirect: Indirect::Shared, ..BakeConfig::default() };
-        let preview = run_until(job(subject, &scene, config.clone()), ends_a_pass)?;
+        let prepared = Instant::now();
+        clocked.prepare.push(prepared.duration_since(begun).as_secs_f64());
+        let config = BakeConfig { seed, indirect, ..BakeConfig::default() };
+        let job = BakeJob { passes: Passes::Progressive, ..job(subject, &scene, config) };
+        if let Some(look) = glimpse::job(&job) {
+            glimpse::run(look, &Focus::default())?.context("nobody stops a first look of the report")?;
+            clocked.look.push(begun.elapsed().as_secs_f64());
+        }
+        let mut previewed_cpu = None;
+        let bake = run_until(job, |event| {
+            if previewed_cpu.is_none() && ends_a_pass(event) {
+                previewed_cpu = Some(process_cpu_secs());
+            }
+            previewed_cpu.is_some() && prepared.elapsed().as_secs_f64() >= SOON.0
+        })?;
+        let preview = bake.passes.first().context("a bake has a preview")?;
         clocked.preview.push(preview.ended.duration_since(begun).as_secs_f64());
-        clocked.preview_cpu.push(process_cpu_secs()? - cpu);
-        clocked.preview_db.push(judge.of_bake(&preview.header, &preview.groups)[0]);
-
-        let begun = Instant::now();
-        let passes = Passes::Until(begun + Duration::from_secs_f64(SOON.0));
-        let job = BakeJob { passes, ..job(subject, &scene, config) };
-        let bake = job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")?;
-        clocked.soon.push(begun.elapsed().as_secs_f64());
+        clocked.preview_cpu.push(previewed_cpu.context("a preview has ended")?? - cpu);
+        clocked.preview_db.push(judge.of_bake(&bake.header, &preview.groups)[0]);
+        clocked.soon.push(bake.ended.duration_since(prepared).as_secs_f64());
         clocked.soon_db.push(judge.of_bake(&bake.header, &bake.groups)[0]);
     }
     Ok(clocked)

@@ -2,6 +2,7 @@
 
 use clerestory_transport::camera::Film;
 
+use super::runs::SEEDS;
 use super::{CLASSES, Measured, PLAIN, Subject, TARGETS_DB, Way};
 use crate::fit::{secs_between, secs_words};
 
@@ -9,14 +10,15 @@ use crate::fit::{secs_between, secs_words};
 pub(super) fn words(scenes: &[(Subject, Measured)], class: usize) -> String {
     let ways: Vec<&str> = Way::ALL.iter().map(|way| way.name()).collect();
     let mut text = format!(
-        "\nCPU seconds to an error of {}, between measured points; \"<\" and \">\": it was reached before the first point, or would be after the last, which has the dB behind it; \"—\": not measured, \
-         as it takes too long; \"†\": more dB than the reference can tell, see below. The least of each row in bold, where the points tell which it is{}.\n\n| scene | size | dB | {} |\n|---|---|---|{}\n",
+        "\nCPU seconds to an error of {}, of seed {} alone, between measured points; \"<\" and \">\": it was reached before the first point, or would be after the last, which has the dB behind it; \"—\": not measured, \
+         as it takes too long; \"†\": more dB than the reference can tell, see below: such rows tell of no way that it is the soonest. The least of each row in bold, where the points tell which it is{}.\n\n| scene | size | dB | {} |\n|---|---|---|{}\n",
         CLASSES[class],
+        SEEDS[0],
         if class == 0 { ", a render of one of the lights aside" } else { "" },
         ways.join(" | "),
         "---|".repeat(ways.len()),
     );
-    let (mut ahead, mut n_rows) = ([0; Way::ALL.len()], 0);
+    let (mut ahead, mut n_rows, mut n_beyond) = ([0; Way::ALL.len()], 0, 0);
     for (subject, measured) in scenes {
         let curves = Way::ALL.map(|way| measured.curve(way, class));
         if curves.iter().all(Vec::is_empty) {
@@ -27,8 +29,10 @@ pub(super) fn words(scenes: &[(Subject, Measured)], class: usize) -> String {
             if class == 0 {
                 secs[PLAIN] = None;
             }
-            let soonest = soonest(secs);
+            let is_beyond = measured.is_beyond(target, class);
+            let soonest = if is_beyond { None } else { soonest(secs) };
             n_rows += 1;
+            n_beyond += usize::from(is_beyond);
             soonest.into_iter().for_each(|nth| ahead[nth] += 1);
             let cell = |nth: usize| match secs_words(target, &curves[nth]) {
                 words if soonest == Some(nth) => format!("**{words}**"),
@@ -36,19 +40,20 @@ pub(super) fn words(scenes: &[(Subject, Measured)], class: usize) -> String {
             };
             let cells: Vec<String> = (0..curves.len()).map(cell).collect();
             let Film { width, height } = subject.film;
-            let mark = if measured.ends[class].is_some_and(|end| end < target) { " †" } else { "" };
+            let mark = if is_beyond { " †" } else { "" };
             text += &format!("| {} | {width}×{height} | {target:.0}{mark} | {} |\n", subject.name, cells.join(" | "));
         }
     }
-    text + &ahead_words(ahead, n_rows)
+    text + &ahead_words(ahead, n_rows, n_beyond)
 }
 
-/// Which way is the soonest in how many rows.
-fn ahead_words(ahead: [usize; Way::ALL.len()], n_rows: usize) -> String {
+/// Which way is the soonest in how many rows, given how many the reference cannot judge.
+fn ahead_words(ahead: [usize; Way::ALL.len()], n_rows: usize, n_beyond: usize) -> String {
     let mut ways: Vec<(usize, &str)> = ahead.into_iter().zip(Way::ALL.map(Way::name)).filter(|way| way.0 > 0).collect();
     ways.sort_by_key(|way| std::cmp::Reverse(way.0));
     let mut told: Vec<String> = ways.iter().map(|(n, name)| format!("{name} in {n}")).collect();
-    told.push(format!("the points do not tell in {}", n_rows - ahead.iter().sum::<usize>()));
+    told.push(format!("the points do not tell in {}", n_rows - n_beyond - ahead.iter().sum::<usize>()));
+    told.extend((n_beyond > 0).then(|| format!("{n_beyond} are beyond what the reference can tell")));
     format!("\nThe soonest of {n_rows} rows: {}.\n", told.join("; "))
 }
 
@@ -84,12 +89,12 @@ mod tests {
         ];
         let scenes = [(subject("hall"), Measured { n_cols: 1, points, ends: [Some(30.0), None, Some(32.25)] })];
         let rows = words(&scenes, 2);
+        assert!(rows.starts_with("\nCPU seconds to an error of all lights of the file, of seed 1 alone,"), "{rows}");
         assert!(rows.contains("| hall | 4×3 | 30 | — | 4.0 | — | — | — | **0.40** |"), "{rows}");
-        assert!(rows.contains("| hall | 4×3 | 35 † | — |"), "{rows}");
-        assert!(
-            rows.ends_with("The soonest of 2 rows: a render of one look in 2; the points do not tell in 0.\n"),
-            "{rows}"
-        );
+        assert!(rows.contains("| hall | 4×3 | 35 † | — | 8.0 | — | — | — | 0.80 |"), "nothing is bold: {rows}");
+        let told = "The soonest of 3 rows: a render of one look in 1; the points do not tell in 0; \
+                    2 are beyond what the reference can tell.\n";
+        assert!(rows.ends_with(told), "{rows}");
         assert!(!words(&scenes, 0).contains("hall"), "no single lights were measured");
         let curve = [[1.0, 20.0], [103.0, 21.6]];
         assert_eq!([21.0, 30.0].map(|db| short_of(db, &curve)), ["", " (21.6 dB)"]);

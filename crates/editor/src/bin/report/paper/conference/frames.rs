@@ -20,20 +20,22 @@ const PAPER: Goal = Goal::Most(1000.0);
 /// Bytes of a pixel's radiance.
 const RADIANCE_BYTES: usize = 12;
 
+/// Bakes by their options.
+pub(super) type Bakes = [(&'static str, Bake); 2];
+
 /// What makes the frames.
 pub(super) struct Racers<'a> {
     pub basis: &'a LightBasis,
-    pub bake: &'a Bake,
-    pub frame: Frame,
+    pub bakes: &'a Bakes,
     pub dense: &'a Planes,
 }
 
-/// What was measured, and the last frame of ours and of the full matrix.
+/// What was measured, and the last frame of each of ours and of the full matrix.
 pub(super) struct Frames {
     pub table: String,
-    /// Mean PSNR of ours against the full matrix, dB.
-    pub psnr_db: f64,
-    pub shown: Radiance,
+    /// Mean PSNR of each of ours against the full matrix, dB.
+    pub psnr_db: [f64; 2],
+    pub shown: [Radiance; 2],
     pub full: Radiance,
 }
 
@@ -50,8 +52,9 @@ impl Way {
     }
 }
 
-/// Ours, ready on the CPU and on each device of a kind.
+/// One of ours, ready on the CPU and on each device of a kind.
 struct Ours<'a> {
+    how: &'static str,
     bake: &'a Bake,
     cpu: CpuRelighter,
     gpus: Vec<Gpu>,
@@ -61,16 +64,18 @@ struct Ours<'a> {
 }
 
 impl<'a> Ours<'a> {
-    fn new(bake: &'a Bake, frame: &Frame, choice: DeviceChoice) -> Result<Ours<'a>> {
+    fn new((how, bake): &'a (&'static str, Bake), choice: DeviceChoice) -> Result<Ours<'a>> {
+        let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups.clone() };
         let gpus = Gpu::all_headless(choice);
-        let devices = gpus.iter().map(|gpu| GpuRelighter::new(gpu, frame)).collect::<Result<Vec<_>, _>>()?;
-        Ok(Ours { bake, cpu: CpuRelighter::new(frame)?, gpus, devices, shown: Radiance::default() })
+        let devices = gpus.iter().map(|gpu| GpuRelighter::new(gpu, &frame)).collect::<Result<Vec<_>, _>>()?;
+        Ok(Ours { how: *how, bake, cpu: CpuRelighter::new(&frame)?, gpus, devices, shown: Radiance::default() })
     }
 
     /// The CPU first, without any frames.
     fn ways(&self) -> Vec<Way> {
-        let mut ways = vec![Way::new("ours on the CPU".into())];
-        ways.extend(self.gpus.iter().map(|gpu| Way::new(format!("ours on {}", gpu.description()))));
+        let way = |on: &str| Way::new(format!("ours, {}, on {on}", self.how));
+        let mut ways = vec![way("the CPU")];
+        ways.extend(self.gpus.iter().map(|gpu| way(&gpu.description())));
         ways
     }
 
@@ -96,7 +101,8 @@ impl Racers<'_> {
     pub(super) fn race(&self, desk: &Desk, rigs: &[LightRig]) -> Result<Frames> {
         let (first, rigs) = rigs.split_first().context("there are frames")?;
         desk.say("relighting it");
-        let mut ours = Ours::new(self.bake, &self.frame, DeviceChoice::Any)?;
+        let [by_default, plain] = self.bakes.each_ref().map(|bake| Ours::new(bake, DeviceChoice::Any));
+        let mut ours = [by_default?, plain?];
         let mut full = Radiance::default();
         let dense = |rig: &LightRig, full: &mut Radiance| {
             millis(|| {
@@ -104,24 +110,31 @@ impl Racers<'_> {
                 Ok(())
             })
         };
-        ours.relit(first)?;
+        let mut ways: Vec<Vec<Way>> = ours.iter().map(Ours::ways).collect();
+        let mut dense_way = Way::new("full matrix on the CPU".into());
+        ours.iter_mut().try_for_each(|ours| ours.relit(first).map(drop))?;
         dense(first, &mut full)?;
 
-        let mut ways = ours.ways();
-        ways.insert(1, Way::new("full matrix on the CPU".into()));
         let probe = ReadProbe::new(desk.choose(64 << 20, 1 << 30));
-        let (mut memory, mut psnr_db) = (0f64, 0.0);
+        let (mut memory, mut psnr_db) = (0f64, [0.0; 2]);
         for rig in rigs {
-            let mut taken = ours.relit(rig)?;
-            taken.insert(1, dense(rig, &mut full)?);
-            ways.iter_mut().zip(taken).for_each(|(way, millis)| way.millis.push(millis));
+            for (ours, ways) in ours.iter_mut().zip(&mut ways) {
+                ways.iter_mut().zip(ours.relit(rig)?).for_each(|(way, millis)| way.millis.push(millis));
+            }
+            dense_way.millis.push(dense(rig, &mut full)?);
             memory = memory.max(probe.bytes_per_sec(u64::MAX));
-            psnr_db += told_psnr_db(&ours.shown, &full)? / rigs.len() as f64;
+            for (ours, psnr_db) in ours.iter().zip(&mut psnr_db) {
+                *psnr_db += told_psnr_db(&ours.shown, &full)? / rigs.len() as f64;
+            }
         }
-        let n_written = RADIANCE_BYTES * (self.frame.width * self.frame.height) as usize;
-        ways[0].n_bytes = Some(ours.cpu.stats().n_bytes as usize + n_written);
-        ways[1].n_bytes = Some(self.dense.n_bytes() + n_written);
-        Ok(Frames { table: table(&ways, memory), psnr_db, shown: ours.shown, full })
+        let n_written = RADIANCE_BYTES * full.pixels.len();
+        for (ours, ways) in ours.iter().zip(&mut ways) {
+            ways[0].n_bytes = Some(ours.cpu.stats().n_bytes as usize + n_written);
+        }
+        dense_way.n_bytes = Some(self.dense.n_bytes() + n_written);
+        let mut ways: Vec<Way> = ways.into_iter().flatten().collect();
+        ways.insert(1, dense_way);
+        Ok(Frames { table: table(&ways, memory), psnr_db, shown: ours.map(|ours| ours.shown), full })
     }
 }
 
@@ -129,15 +142,19 @@ impl Racers<'_> {
 ///
 /// # Errors
 /// If a frame cannot be relit.
-pub(super) fn alone(bake: &Bake, frame: &Frame, rigs: &[LightRig], choice: DeviceChoice) -> Result<String> {
+pub(super) fn alone(bakes: &Bakes, rigs: &[LightRig], choice: DeviceChoice) -> Result<String> {
     let (first, rigs) = rigs.split_first().context("there are frames")?;
-    let mut ours = Ours::new(bake, frame, choice)?;
-    ours.relit(first)?;
-    let mut ways = ours.ways();
-    for rig in rigs {
-        ways.iter_mut().zip(ours.relit(rig)?).for_each(|(way, millis)| way.millis.push(millis));
+    let mut all = Vec::new();
+    for bake in bakes {
+        let mut ours = Ours::new(bake, choice)?;
+        ours.relit(first)?;
+        let mut ways = ours.ways();
+        for rig in rigs {
+            ways.iter_mut().zip(ours.relit(rig)?).for_each(|(way, millis)| way.millis.push(millis));
+        }
+        all.extend(ways);
     }
-    Ok(table_of_times(&ways))
+    Ok(table_of_times(&all))
 }
 
 /// All ways by their times alone.
@@ -178,7 +195,7 @@ fn table(ways: &[Way], memory: f64) -> String {
     )
 }
 
-/// Ours beside the full matrix, the first two ways.
+/// Ours as by default beside the full matrix, the first two ways.
 fn beside(ways: &[Way]) -> String {
     let [ours, full, ..] = ways else { return String::new() };
     let ratio = |a: f64, b: f64| digits(a / b);
@@ -189,7 +206,10 @@ fn beside(ways: &[Way]) -> String {
     } else {
         format!("is ahead of it: ours takes {} times as long", ratio(of_ours, of_full))
     };
-    format!("The full matrix moves {} times the bytes of ours and {times}.", ratio(all as f64, bytes as f64))
+    format!(
+        "The full matrix moves {} times the bytes of ours as by default and {times}.",
+        ratio(all as f64, bytes as f64)
+    )
 }
 
 #[cfg(test)]
@@ -208,7 +228,7 @@ mod tests {
         let slow = way("slow", &[1500.0, 1400.0, 1600.0], None);
         let told = table(&[ours, full, slow], 64e9);
         assert!(told.contains("read at 64.0 GB/s at best"), "{told}");
-        assert!(told.contains("moves 3.0 times the bytes of ours and takes 3.0 times as long"), "{told}");
+        assert!(told.contains("moves 3.0 times the bytes of ours as by default and takes 3.0 times as long"), "{told}");
         assert!(told.contains("\n| ours | 2.0 (1.0…3.0) | 60 | 30.0 | 47 % | kept |\n"), "{told}");
         assert!(told.ends_with("\n| slow | 1500 (1400…1600) | — | — | — | missed |\n"), "{told}");
         let ahead = beside(&[way("ours", &[6.0], Some(60)), way("full", &[3.0], Some(180))]);
