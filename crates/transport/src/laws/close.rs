@@ -314,6 +314,36 @@ fn a_lamp_within_a_thin_board_or_a_closed_cupboard_lights_no_patches_outside() {
 }
 
 #[test]
+fn no_patch_beyond_a_wall_gets_light_of_a_lamp_beside_it() {
+    // It stands on the floor and below the ceiling that both of its sides share, and leaves a way around it.
+    let scene = boxed(furnace(0.6), Vec3::new(0.0, 0.0, -0.5), Vec3::new(0.02, 1.2, 1.0)).prepared();
+    let patches = learned(&scene, 512);
+    for (shape, y, aim) in
+        [(&shapes()[0], 1.1, Vec3::Y), (&shapes()[0], -1.1, Vec3::Y), (&shapes()[1], -0.4, Vec3::NEG_Y)]
+    {
+        for x in [0.05, 0.12, 0.2] {
+            let place = Vec3::new(x, y, -0.8);
+            let light = thrown(&scene, &patches, &aimed(shape, place, place + aim));
+            let beyond: Vec<Vec3> = light
+                .iter()
+                .enumerate()
+                .map(|(patch, light)| {
+                    let is_beyond = patches
+                        .samples_of(patch as u32)
+                        .iter()
+                        .all(|sample| sample.position.x < -0.015 && sample.position.z < 0.0);
+                    if is_beyond { *light } else { Vec3::ZERO }
+                })
+                .collect();
+            let [all, beyond] = [&light, &beyond].map(|light| received(&patches, light));
+            println!("{shape:?} at {x} m, {y} m: {all:.3} of the light, {beyond:.5} beyond the wall");
+            assert!(beyond < 2e-3, "{shape:?} at {x} m, {y} m: {beyond} of the light goes through the wall");
+            assert!(all > 0.8, "{shape:?} at {x} m, {y} m: {all} of the light arrives");
+        }
+    }
+}
+
+#[test]
 fn a_narrow_beam_onto_a_column_is_received_wherever_it_falls() {
     const SIDES: usize = 24;
     let around = |nth: usize| {

@@ -7,6 +7,7 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::PatchSample;
 use super::nearest::Center;
@@ -26,6 +27,14 @@ pub(super) struct Met {
 
 /// Points of a patch at which irradiance is asked for, at most.
 const SAMPLES: usize = 4;
+
+/// Of so many patches one is there to divide others at walls.
+const AT_WALLS: usize = 16;
+/// Points of a patch that look out for each other.
+const LOOKOUTS: usize = 8;
+
+/// Whether one of two points of a patch is seen from above the other one, given its radius in meters.
+pub(super) type Sight<'a> = &'a (dyn Fn(&Met, &Met, f32) -> bool + Sync);
 
 /// Points that stay together.
 struct Cluster {
@@ -59,27 +68,21 @@ impl Ord for Cluster {
 
 /// At most `most` patches: their middles, their samples patch by patch, and the first sample of each. A right angle between
 /// normals counts as √2 times `reach_m`.
-pub(super) fn cluster(met: &[Met], most: usize, reach_m: f32) -> (Vec<Center>, Vec<PatchSample>, Vec<u32>) {
-    let mut order: Vec<u32> = (0..met.len() as u32).collect();
-    let (mut open, mut done) = (BinaryHeap::new(), Vec::new());
+pub(super) fn cluster(
+    met: &[Met],
+    most: usize,
+    reach_m: f32,
+    sight: Sight<'_>,
+) -> (Vec<Center>, Vec<PatchSample>, Vec<u32>) {
+    let mut clusters =
+        Clusters { met, reach_m, order: (0..met.len() as u32).collect(), open: BinaryHeap::new(), done: Vec::new() };
     if !met.is_empty() {
-        open.push(Cluster::of(met, &order, 0..met.len(), reach_m));
+        clusters.open(0..met.len());
     }
-    while open.len() + done.len() < most {
-        let Some(widest) = open.pop() else { break };
-        let points = &mut order[widest.range.clone()];
-        let along = |&point: &u32| coordinate(&met[point as usize], widest.axis, reach_m);
-        points.sort_unstable_by(|a, b| along(a).total_cmp(&along(b)).then(a.cmp(b)));
-        let n_low = points.partition_point(|point| along(point) < widest.mean);
-        if n_low == 0 || n_low == points.len() {
-            done.push(widest);
-            continue;
-        }
-        let middle = widest.range.start + n_low;
-        for range in [widest.range.start..middle, middle..widest.range.end] {
-            open.push(Cluster::of(met, &order, range, reach_m));
-        }
-    }
+    clusters.divide(most - most / AT_WALLS);
+    clusters.part(most, sight);
+    clusters.divide(most);
+    let Clusters { order, open, done, .. } = clusters;
     let mut ranges: Vec<_> = open.into_iter().chain(done).map(|cluster| cluster.range).collect();
     ranges.sort_by_key(|range| range.start);
     let (mut centers, mut samples, mut first) = (Vec::new(), Vec::new(), vec![0]);
@@ -90,6 +93,97 @@ pub(super) fn cluster(met: &[Met], most: usize, reach_m: f32) -> (Vec<Center>, V
         first.push(samples.len() as u32);
     }
     (centers, samples, first)
+}
+
+/// Points on their way into patches.
+struct Clusters<'a> {
+    met: &'a [Met],
+    reach_m: f32,
+    order: Vec<u32>,
+    open: BinaryHeap<Cluster>,
+    /// Those that cannot be divided.
+    done: Vec<Cluster>,
+}
+
+impl Clusters<'_> {
+    fn n(&self) -> usize {
+        self.open.len() + self.done.len()
+    }
+
+    fn open(&mut self, range: std::ops::Range<usize>) {
+        self.open.push(Cluster::of(self.met, &self.order, range, self.reach_m));
+    }
+
+    /// Divides the widest ones until there are so many.
+    fn divide(&mut self, most: usize) {
+        while self.n() < most {
+            let Some(widest) = self.open.pop() else { break };
+            let points = &mut self.order[widest.range.clone()];
+            let along = |&point: &u32| coordinate(&self.met[point as usize], widest.axis, self.reach_m);
+            points.sort_unstable_by(|a, b| along(a).total_cmp(&along(b)).then(a.cmp(b)));
+            let n_low = points.partition_point(|point| along(point) < widest.mean);
+            if n_low == 0 || n_low == points.len() {
+                self.done.push(widest);
+                continue;
+            }
+            let middle = widest.range.start + n_low;
+            self.open(widest.range.start..middle);
+            self.open(middle..widest.range.end);
+        }
+    }
+
+    /// Divides those that lie on both sides of a wall, the widest first, until there are so many.
+    fn part(&mut self, most: usize, sight: Sight<'_>) {
+        let clusters = std::mem::take(&mut self.open).into_sorted_vec();
+        let beyond = |cluster: &Cluster| beyond_wall(self.met, &self.order[cluster.range.clone()], sight);
+        let beyond: Vec<Option<Vec<bool>>> = clusters.par_iter().map(beyond).collect();
+        let mut left = most.saturating_sub(clusters.len() + self.done.len());
+        for (cluster, beyond) in clusters.into_iter().zip(beyond).rev() {
+            let Some(beyond) = beyond.filter(|_| left > 0) else {
+                self.open.push(cluster);
+                continue;
+            };
+            let points = &mut self.order[cluster.range.clone()];
+            let on = |side: bool| {
+                points.iter().zip(&beyond).filter(move |(_, beyond)| **beyond == side).map(|(point, _)| *point)
+            };
+            let sorted: Vec<u32> = on(false).chain(on(true)).collect();
+            let middle = cluster.range.start + on(false).count();
+            points.copy_from_slice(&sorted);
+            self.open(cluster.range.start..middle);
+            self.open(middle..cluster.range.end);
+            left -= 1;
+        }
+    }
+}
+
+/// Which points of a patch the others do not see, neither straight nor by way of points between them; `None` where all do.
+fn beyond_wall(met: &[Met], points: &[u32], sight: Sight<'_>) -> Option<Vec<bool>> {
+    let (n, radius_m) = (points.len().min(LOOKOUTS), radius_m(met, points));
+    let lookouts: Vec<&Met> = (0..n).map(|nth| &met[points[nth * points.len() / n] as usize]).collect();
+    let (mut seen, mut left) = (vec![false; n], vec![0]);
+    seen[0] = true;
+    while let Some(from) = left.pop() {
+        for to in 0..n {
+            if !seen[to] && sight(lookouts[from], lookouts[to], radius_m) {
+                seen[to] = true;
+                left.push(to);
+            }
+        }
+    }
+    if seen.iter().all(|seen| *seen) {
+        return None;
+    }
+    let is_beyond = |&point: &u32| {
+        let point = &met[point as usize];
+        let mut nearest: Vec<usize> = (0..n).collect();
+        let apart = |&nth: &usize| lookouts[nth].position.distance_squared(point.position);
+        nearest.sort_by(|a, b| apart(a).total_cmp(&apart(b)));
+        let by = nearest.iter().find(|nth| sight(lookouts[**nth], point, radius_m)).unwrap_or(&nearest[0]);
+        !seen[*by]
+    };
+    let beyond: Vec<bool> = points.iter().map(is_beyond).collect();
+    (beyond.contains(&true) && beyond.contains(&false)).then_some(beyond)
 }
 
 fn coordinate(met: &Met, axis: usize, reach_m: f32) -> f32 {
@@ -182,7 +276,7 @@ mod tests {
     #[test]
     fn a_patch_has_one_side_and_is_small_where_it_matters() {
         let met = sheet(20_000);
-        let (centers, samples, first) = cluster(&met, 200, 1.0);
+        let (centers, samples, first) = cluster(&met, 200, 1.0, &|_, _, _| true);
         assert_eq!((centers.len(), first.len(), first[200] as usize), (200, 201, samples.len()));
         for (center, w) in centers.iter().zip(first.windows(2)) {
             let own = &samples[w[0] as usize..w[1] as usize];
@@ -196,8 +290,25 @@ mod tests {
     #[test]
     fn points_that_coincide_are_one_patch() {
         let met = vec![Met { position: Vec3::ONE, normal: Vec3::X, weight: 1.0, grazing: 0.0 }; 50];
-        let (centers, samples, _) = cluster(&met, 16, 1.0);
+        let (centers, samples, _) = cluster(&met, 16, 1.0, &|_, _, _| true);
         assert_eq!((centers.len(), samples.len()), (1, SAMPLES));
-        assert_eq!(cluster(&[], 16, 1.0).0.len(), 0);
+        assert_eq!(cluster(&[], 16, 1.0, &|_, _, _| true).0.len(), 0);
+    }
+
+    #[test]
+    fn no_patch_lies_on_both_sides_of_a_wall() {
+        let met: Vec<Met> = sheet(8000).into_iter().filter(|met| met.normal == Vec3::Y).collect();
+        let wall = |a: &Met, b: &Met, _: f32| (a.position.x < 0.013) == (b.position.x < 0.013);
+        let n_across = |sight: Sight<'_>| {
+            let (_, samples, first) = cluster(&met, 200, 1.0, sight);
+            assert_eq!(first.len(), 201);
+            let is_across = |w: &&[u32]| {
+                let mut own = samples[w[0] as usize..w[1] as usize].iter().map(|sample| sample.position.x < 0.013);
+                own.next().is_some_and(|first| own.any(|other| other != first))
+            };
+            first.windows(2).filter(is_across).count()
+        };
+        assert!(n_across(&|_, _, _| true) > 2);
+        assert_eq!(n_across(&wall), 0);
     }
 }

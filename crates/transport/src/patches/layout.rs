@@ -49,16 +49,6 @@ struct Extent {
     area_m2: f32,
 }
 
-/// Where light of a beam has arrived, and what patches get of it.
-struct Landed {
-    /// Where rays begin that leave the place, m.
-    origin: Vec3,
-    /// Unit geometric normal of the side that is lit.
-    outward: Vec3,
-    /// Irradiance of patches, lux per channel.
-    light: [(u32, Vec3); SHARING],
-}
-
 /// A patch never counts as smaller than this share of a disk of its radius.
 const LEAST_SHARE: f32 = 0.1;
 /// Radii within which a patch stands for all that is nearest to it, and beyond which it stands for nothing.
@@ -138,7 +128,8 @@ impl Layout {
     }
 
     /// Adds the irradiance of beams to that of patches, as far as these are too near to the lamp, `apart` from each place so many
-    /// meters, for their samples to find it. A lamp within a body, of which no patch sees anything that it lights, gives nothing.
+    /// meters, for their samples to find it. Patches that see nothing of what is above a place get none of its light: they lie behind a wall,
+    /// or the lamp within a body.
     pub fn receive<'a>(
         &self,
         scene: &PreparedScene,
@@ -156,43 +147,43 @@ impl Layout {
             let flux = passed * beam.flux * dimmed;
             let (cos, apart_m) = (-beam.direction.dot(normal), apart(hit.position));
             let outward = hit.outward(-beam.direction);
-            let light = self.around(hit.position, normal).map(|(patch, share)| {
-                let Extent { radius_m, grazing, area_m2, .. } = self.extents[patch as usize];
-                let near = share * (1.0 - far_share(apart_m, radius_m));
-                if near > 0.0 {
-                    let response = super::response::response(grazing, cos.max(0.0));
-                    (patch, flux * (near * response / area_m2))
-                } else {
-                    (patch, Vec3::ZERO)
-                }
+            let shares = self.around(hit.position, normal).map(|(patch, share)| {
+                let far = far_share(apart_m, self.extents[patch as usize].radius_m);
+                (patch, share, share * (1.0 - far))
             });
-            Some(Landed { origin: hit.origin(outward), outward, light })
+            if shares.iter().all(|(.., near)| *near <= 0.0) {
+                return None;
+            }
+            let seen = shares.map(|(patch, share, _)| {
+                share > 0.0 && self.is_seen(scene, (hit.origin(outward), outward), patch, samples_of(patch))
+            });
+            // What the others would have had goes to those that are seen.
+            let all: f32 = shares.iter().map(|(_, share, _)| share).sum();
+            let of_seen: f32 = shares.iter().zip(seen).filter(|(_, seen)| *seen).map(|((_, share, _), _)| share).sum();
+            Some(std::array::from_fn(|nth| {
+                let (patch, _, near) = shares[nth];
+                if near <= 0.0 || !seen[nth] {
+                    return (patch, Vec3::ZERO);
+                }
+                let Extent { grazing, area_m2, .. } = self.extents[patch as usize];
+                let response = super::response::response(grazing, cos.max(0.0));
+                (patch, flux * (near * (all / of_seen) * response / area_m2))
+            }))
         };
-        let landed: Vec<Landed> = beams.par_iter().enumerate().with_min_len(32).filter_map(land).collect();
-        if !landed.par_iter().any(|landed| self.is_seen(scene, landed, &samples_of)) {
-            return;
-        }
-        let light = landed.into_iter().flat_map(|landed| landed.light);
-        for (patch, light) in light.filter(|(_, light)| light.is_finite()) {
+        let landed: Vec<[(u32, Vec3); SHARING]> =
+            beams.par_iter().enumerate().with_min_len(32).filter_map(land).collect();
+        for (patch, light) in landed.into_iter().flatten().filter(|(_, light)| light.is_finite()) {
             irradiance[patch as usize] += light;
         }
     }
 
-    /// Whether what is above a place is seen from above one of the patches that get its light. Inside of a body that is so nowhere:
-    /// patches that lie behind its wall and look the same way are no part of the place.
-    fn is_seen<'a>(
-        &self,
-        scene: &PreparedScene,
-        landed: &Landed,
-        samples_of: &impl Fn(u32) -> &'a [PatchSample],
-    ) -> bool {
-        landed.light.iter().filter(|(_, light)| *light != Vec3::ZERO).any(|&(patch, _)| {
-            let (radius_m, mut sampler) = (self.extents[patch as usize].radius_m, Sampler::new(0, SIGHT_STREAM, patch));
-            let from = above(scene, (landed.origin, landed.outward), radius_m, &mut sampler);
-            samples_of(patch).iter().any(|sample| {
-                let eye = above(scene, (sample.position, sample.normal), radius_m, &mut sampler);
-                scene.transmittance(from, eye) != Vec3::ZERO
-            })
+    /// Whether what is above a place, `(origin of rays, outward)`, is seen from above a patch.
+    fn is_seen(&self, scene: &PreparedScene, place: (Vec3, Vec3), patch: u32, samples: &[PatchSample]) -> bool {
+        let (radius_m, mut sampler) = (self.extents[patch as usize].radius_m, Sampler::new(0, SIGHT_STREAM, patch));
+        let from = above(scene, place, radius_m, &mut sampler);
+        samples.iter().any(|sample| {
+            let eye = above(scene, (sample.position, sample.normal), radius_m, &mut sampler);
+            scene.transmittance(from, eye) != Vec3::ZERO
         })
     }
 
@@ -266,6 +257,24 @@ impl Layout {
         };
         (0..PROBES).map(probe).sum::<f32>() * PI * reach_m * reach_m / PROBES as f32
     }
+}
+
+/// Whether places that look some way, each above its surface, see each other from so high above.
+pub(super) fn see_each_other(scene: &PreparedScene, places: [(Vec3, Vec3); 2], height_m: f32) -> bool {
+    let mut sampler = Sampler::new(0, SIGHT_STREAM, 0);
+    let [from, to] = places.map(|place| above(scene, place, height_m, &mut sampler));
+    scene.transmittance(from, to) != Vec3::ZERO
+}
+
+/// Looks which patches are hidden from those around them.
+pub(super) fn hide(scene: &PreparedScene, nearest: &mut Nearest, (samples, first): (&[PatchSample], &[u32])) {
+    let eye = |(nth, sample): (usize, &PatchSample)| {
+        let mut sampler = Sampler::new(0, SIGHT_STREAM, nth as u32);
+        above(scene, (sample.position, sample.normal), sample.patch_radius_m(), &mut sampler)
+    };
+    let eyes: Vec<Vec3> = samples.par_iter().enumerate().map(eye).collect();
+    let of = |patch: u32| &eyes[first[patch as usize] as usize..first[patch as usize + 1] as usize];
+    nearest.hide(|a, b| of(a).iter().any(|&from| of(b).iter().any(|&to| scene.transmittance(from, to) != Vec3::ZERO)));
 }
 
 /// The place so high above another one, along a unit vector, or half as high as the next surface.

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::cluster::{Met, cluster};
 use super::exchange::{Exchange, Row};
-use super::layout::Layout;
+use super::layout::{self, Layout};
 use super::modes::Modes;
 use super::nearest::Nearest;
 use super::response::grazing;
@@ -96,9 +96,14 @@ pub(crate) fn learn(
     let low = met.iter().fold(Vec3::INFINITY, |low, met| low.min(met.position));
     let high = met.iter().fold(Vec3::NEG_INFINITY, |high, met| high.max(met.position));
     let reach_m = REACH * (high - low).length().max(f32::MIN_POSITIVE);
-    let (centers, mut samples, first) = cluster(&met, request.n_patches as usize, reach_m);
-    let nearest = Arc::new(Nearest::new(centers, reach_m));
+    let sight = |a: &Met, b: &Met, radius_m: f32| {
+        layout::see_each_other(scene, [a, b].map(|met| (met.position, met.normal)), radius_m)
+    };
+    let (centers, mut samples, first) = cluster(&met, request.n_patches as usize, reach_m, &sight);
+    let mut nearest = Nearest::new(centers, reach_m);
     widen((&mut samples, &first), &nearest);
+    layout::hide(scene, &mut nearest, (&samples, &first));
+    let nearest = Arc::new(nearest);
     let layout = Layout::measured(scene, nearest.clone(), (&samples, &first));
     let origins: Vec<Vec<(Vec3, Vec3)>> = first
         .windows(2)

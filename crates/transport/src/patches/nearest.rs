@@ -30,8 +30,13 @@ const ROUNDED_UP: f32 = 1.0 + 1e-5;
 /// Coordinates of a point: where it is, and its normal times the reach.
 const DIMENSIONS: usize = 6;
 
+/// Patches around one that may be hidden from it, itself included.
+const NEIGHBORS: usize = 17;
+/// Least cosine between normals of patches that may share a point.
+const ALIKE: f32 = 0.5;
+
 /// A k-d tree over the middles of patches and their normals, all of whose leaves are equally deep. \[Bentley1975\]
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub(super) struct Nearest {
     centers: Vec<Center>,
     /// From the root, level by level: below the one at `i` are those at `2i + 1` and `2i + 2`.
@@ -40,8 +45,17 @@ pub(super) struct Nearest {
     leaves: Vec<Leaf>,
     /// Of each patch.
     around: Vec<Around>,
+    /// Of each patch those around it that a wall hides; of none where nobody looked.
+    hidden: Vec<Vec<u32>>,
     /// Distance that a right angle between normals counts as, over the square root of two, m.
     reach_m: f32,
+}
+
+/// All else follows from these, but for what is hidden, which no file holds.
+impl PartialEq for Nearest {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.centers, self.reach_m) == (&other.centers, other.reach_m)
+    }
 }
 
 /// Where a part of the tree is divided.
@@ -82,10 +96,34 @@ impl Nearest {
         let mut order: Vec<u32> = (0..centers.len() as u32).collect();
         let n_leaves = centers.len().div_ceil(LEAF).next_power_of_two();
         let (splits, leaves) = (vec![Split::default(); n_leaves - 1], vec![Leaf::EMPTY; n_leaves]);
-        let mut nearest = Nearest { centers, splits, leaves, around: Vec::new(), reach_m };
+        let mut nearest = Nearest { centers, splits, leaves, around: Vec::new(), hidden: Vec::new(), reach_m };
         nearest.divide(0, &mut order);
         nearest.around = nearest.centers.par_iter().map(|center| nearest.around(center)).collect();
         nearest
+    }
+
+    /// Looks which patches around one, of those that look the same way, are hidden from it. They share no point: beyond a wall there is other
+    /// light.
+    pub fn hide(&mut self, is_seen: impl Fn(u32, u32) -> bool + Sync) {
+        let of_patch = |patch: usize| {
+            let center = self.centers[patch];
+            let found = self.sought::<NEIGHBORS>(center.position, center.normal);
+            let is_hidden = |&other: &u32| {
+                let is_alike = center.normal.dot(self.centers[other as usize].normal) > ALIKE;
+                other as usize != patch && is_alike && !is_seen(patch as u32, other)
+            };
+            found.patches[..found.n].iter().copied().filter(is_hidden).collect()
+        };
+        let one_way: Vec<Vec<u32>> = (0..self.centers.len()).into_par_iter().map(of_patch).collect();
+        self.hidden = one_way.clone();
+        for (patch, others) in one_way.iter().enumerate() {
+            for &other in others {
+                let back = &mut self.hidden[other as usize];
+                if !back.contains(&(patch as u32)) {
+                    back.push(patch as u32);
+                }
+            }
+        }
     }
 
     /// Divides patches in two along their longest side, and both halves in turn, from a place in the tree downward.
@@ -130,13 +168,16 @@ impl Nearest {
         (!self.centers.is_empty()).then_some(patches[0])
     }
 
-    /// The patches around a point, the nearest first, and the weights by which one of them is drawn.
+    /// The patches around a point, the nearest first, and the weights by which one of them is drawn: those that are hidden from the nearest
+    /// have none.
     pub fn weights(&self, position: Vec3, normal: Vec3) -> ([u32; SHARING], [f32; SHARING]) {
         let found = self.found(position, normal);
         // Weights fall to zero where another patch becomes the farthest.
         let limit = found.squared[SHARING];
         let weight = |squared: f32| if limit.is_finite() { (1.0 - squared / limit).max(0.0).powi(2) } else { 1.0 };
-        let weights = std::array::from_fn(|i| if i < found.n { weight(found.squared[i]) } else { 0.0 });
+        let hidden = self.hidden.get(found.patches[0] as usize).map_or(&[][..], |hidden| hidden);
+        let has_part = |i: usize| i < found.n && !hidden.contains(&found.patches[i]);
+        let weights = std::array::from_fn(|i| if has_part(i) { weight(found.squared[i]) } else { 0.0 });
         (std::array::from_fn(|i| found.patches[i]), weights)
     }
 
@@ -359,5 +400,22 @@ mod tests {
         (0..1000).for_each(|i| counts[nearest.draw(at, Vec3::Y, (i as f32 + 0.5) / 1000.0).unwrap() as usize] += 1);
         assert_eq!(counts.iter().position(|n| n == counts.iter().max().unwrap()), Some(7));
         assert!(counts.iter().filter(|n| **n > 0).count() <= SHARING);
+    }
+
+    #[test]
+    fn patches_that_are_hidden_share_no_point() {
+        let mut nearest =
+            Nearest::new((0..40).map(|i| Center { position: Vec3::X * i as f32, normal: Vec3::Y }).collect(), 1.0);
+        nearest.hide(|a, b| (a < 20) == (b < 20));
+        let sharing = |x: f32| {
+            let (patches, weights) = nearest.weights(Vec3::X * x, Vec3::Y);
+            let mut sharing: Vec<u32> =
+                patches.into_iter().zip(weights).filter(|(_, w)| *w > 0.0).map(|x| x.0).collect();
+            sharing.sort_unstable();
+            sharing
+        };
+        assert_eq!(sharing(10.3), [9, 10, 11, 12]);
+        assert_eq!(sharing(19.3), [18, 19]);
+        assert_eq!(sharing(19.7), [20, 21]);
     }
 }

@@ -68,7 +68,7 @@ impl<'a> Ours<'a> {
         let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups.clone() };
         let gpus = Gpu::all_headless(choice);
         let devices = gpus.iter().map(|gpu| GpuRelighter::new(gpu, &frame)).collect::<Result<Vec<_>, _>>()?;
-        Ok(Ours { how: *how, bake, cpu: CpuRelighter::new(&frame)?, gpus, devices, shown: Radiance::default() })
+        Ok(Ours { how, bake, cpu: CpuRelighter::new(&frame)?, gpus, devices, shown: Radiance::default() })
     }
 
     /// The CPU first, without any frames.
