@@ -208,6 +208,22 @@ fn a_picture_under_other_lights_is_matched_whatever_its_size_and_exposure() {
 }
 
 #[test]
+fn a_black_picture_is_met_by_darkness_and_told_in_words() {
+    let scene = at(LightRig::default());
+    for pixel in [[0.0; 3], [-1.0; 3]] {
+        let target = Arc::new(TargetPicture::of("night", [32, 24], vec![pixel; 32 * 24]));
+        let solved = solve(&scene, &of(vec![wish(Place::Whole, Target::Picture(target, Exposure::Ev(0.0)))])).unwrap();
+        assert!(solved.changes.iter().all(|change| change.after.intensity < 1e-6), "{:?}", solved.changes);
+        let told = &solved.outcomes[0];
+        assert!(
+            told.is_met && (told.before - 100.0).abs() < 1e-9 && told.reached < 1e-3 && solved.misfit < 1e-5,
+            "{told:?}"
+        );
+        assert!(told.words().contains("it is black"), "{}", told.words());
+    }
+}
+
+#[test]
 fn a_png_is_matched_through_its_tone_curve() {
     let scene = at(LightRig::default());
     let mut secret = LightRig::default();
