@@ -28,6 +28,7 @@ const SIGMA_PER_MEDIAN: f64 = 1.4826;
 const LEAST_SIGMA: f64 = 0.02;
 
 /// A picture to be matched by all cells.
+#[derive(Clone)]
 pub(super) struct Matching {
     means: Vec<Mean>,
     /// One over what a miss is measured by, in units of the picture.
