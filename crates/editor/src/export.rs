@@ -16,7 +16,7 @@ use clerestory_relight::{DisplayParams, Radiance};
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
-use self::exr::ExrPicture;
+use self::exr::{ExrPicture, layer_names};
 use crate::legend::Legend;
 use crate::look::{Look, Quantity, Units};
 use crate::output::PendingFile;
@@ -90,6 +90,8 @@ impl Look {
     }
 }
 
+/// What the layer of arriving light is called in an EXR.
+const IRRADIANCE: &str = "irradiance";
 /// Share of the picture by which the sum of its layers may miss it.
 const LAYER_TOLERANCE: f64 = 1e-3;
 
@@ -128,6 +130,18 @@ impl Picture<'_> {
         }
     }
 
+    /// Which layers an EXR cannot call by their own names, in words; that dots become `_` is no news.
+    pub fn layer_remarks(&self) -> Vec<String> {
+        let taken: Vec<&str> = self.irradiance.iter().map(|_| IRRADIANCE).collect();
+        let keys: Vec<&str> = self.layers.iter().map(|layer| layer.key.as_str()).collect();
+        let renamed =
+            layer_names(&taken, &keys).into_iter().zip(keys).filter(|(name, key)| *name != key.replace('.', "_"));
+        let words = |(name, key)| {
+            format!("the layer of `{key}` is called `{name}` in the EXR: its own name is taken, empty or too long")
+        };
+        renamed.map(words).collect()
+    }
+
     /// The picture as a PNG of 8 bits shows it.
     ///
     /// # Errors
@@ -160,7 +174,7 @@ impl Picture<'_> {
         for layer in self.layers {
             layers.push((&layer.key, options.cut(&layer.radiance)?));
         }
-        let extra = self.irradiance.map(|irradiance| Ok(("irradiance", options.cut(irradiance)?)));
+        let extra = self.irradiance.map(|irradiance| Ok((IRRADIANCE, options.cut(irradiance)?)));
         let extra: Vec<_> = extra.into_iter().collect::<Result<_>>()?;
         let (whole, window) = (options.whole(baked)?, options.window(baked)?);
         Ok(ExrPicture { layers, extra, look: self.look.to_json(), whole, window })

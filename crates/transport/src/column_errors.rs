@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::bake::{Bake, BakeHeader};
-use crate::basis::{ColumnKind, LightSource};
+use crate::basis::{ColumnKind, LightBasis, LightSource};
 use crate::error_maps::{Layer, Spread};
 use crate::figures::BEST_DB;
 use crate::matrix::{CHANNELS, peak};
@@ -18,6 +18,8 @@ const PEAK_PIXELS: usize = 2048;
 
 /// Least error over the square of a peak: [`BEST_DB`].
 const LEAST: f32 = 1e-12;
+/// Peak of a column in its scale up to which it lights nothing: [`LEAST`] as a value, and what rounding leaves of black.
+const DARK: f32 = 1e-6;
 
 /// How the error is spread over the columns of lights, each below the peak of its own light in the picture, in dB: truncation and sampling,
 /// without the bias of shared light, which is known in the mean alone. Columns that light nothing do not count.
@@ -40,36 +42,51 @@ pub struct LightErrorDb {
     pub db: f32,
 }
 
-/// What is known of the errors of columns before they are packed.
+/// What is known of columns before they are packed.
 pub(crate) struct BeforePacking {
-    /// Mean square of each column of a group.
-    errors: Vec<Vec<f64>>,
-    /// Mean square of truncation of a group.
-    truncation: Vec<f32>,
+    groups: Vec<GroupBefore>,
+}
+
+/// The same of a group.
+struct GroupBefore {
+    /// Mean square of each column's error.
+    errors: Vec<f64>,
+    /// Mean square of truncation.
+    truncation: f32,
+    /// Peak of each column. What packing does to a block is an error, and no light.
+    peaks: Vec<f32>,
 }
 
 impl BeforePacking {
     /// Of the groups of lights of a picture; `None` where one of them does not tell.
-    pub(crate) fn new(groups: &[BlockLowRank]) -> Option<BeforePacking> {
-        let errors = groups.iter().map(BlockLowRank::column_errors).collect::<Option<_>>()?;
-        Some(BeforePacking { errors, truncation: groups.iter().map(|group| group.mean_error().truncation).collect() })
+    pub(crate) fn new(groups: &[BlockLowRank], basis: &LightBasis) -> Option<BeforePacking> {
+        // Photographs may be darker than black: how far they are from it is what they show.
+        let shown: fn(f32) -> f32 = if basis.is_measured() { f32::abs } else { std::convert::identity };
+        let of_group = |group: &BlockLowRank| {
+            let truncation = group.mean_error().truncation;
+            Some(GroupBefore { errors: group.column_errors()?, truncation, peaks: peaks(group, shown) })
+        };
+        Some(BeforePacking { groups: groups.iter().map(of_group).collect::<Option<_>>()? })
     }
 
     /// [`BakeHeader::column_error`], given the same groups as they were packed. What packing adds is known in the mean alone, and counts in
     /// each column alike.
-    pub(crate) fn after(self, packed: &[BlockLowRank], header: &BakeHeader) -> Vec<f32> {
-        let of_group = |((errors, truncation), (group, kind)): ((Vec<f64>, f32), (&BlockLowRank, ColumnKind))| {
-            let added = f64::from((group.mean_error().truncation - truncation).max(0.0));
+    pub(crate) fn after(self, packed: &[BlockLowRank], basis: &LightBasis) -> Vec<f32> {
+        let of_group = |(before, (group, kind)): (GroupBefore, (&BlockLowRank, ColumnKind))| {
+            let added = f64::from((group.mean_error().truncation - before.truncation).max(0.0));
             let relative = move |(error, peak): (f64, f32)| {
+                if peak <= DARK {
+                    return 0.0;
+                }
                 // Patches of the sky shine together: one scale and one peak are theirs.
-                let peak = if kind == ColumnKind::Sky && peak > 0.0 { 1.0 } else { peak };
+                let peak = if kind == ColumnKind::Sky { 1.0 } else { peak };
                 let relative = ((error + added) / f64::from(peak).powi(2)) as f32;
-                if peak > 0.0 && relative.is_finite() { rounded(relative) } else { 0.0 }
+                if relative.is_finite() { rounded(relative) } else { 0.0 }
             };
-            errors.into_iter().zip(peaks(group)).map(relative).collect::<Vec<f32>>()
+            before.errors.into_iter().zip(before.peaks).map(relative).collect::<Vec<f32>>()
         };
-        let kinds = header.basis.groups.iter().map(|group| group.kind);
-        self.errors.into_iter().zip(self.truncation).zip(packed.iter().zip(kinds)).flat_map(of_group).collect()
+        let kinds = basis.groups.iter().map(|group| group.kind);
+        self.groups.into_iter().zip(packed.iter().zip(kinds)).flat_map(of_group).collect()
     }
 }
 
@@ -78,8 +95,8 @@ fn rounded(error: f32) -> f32 {
     format!("{:.2e}", error.max(LEAST)).parse().expect("a number in words is a number")
 }
 
-/// The 99.5 percentile of each column in some pixels, light that is seen itself aside.
-fn peaks(group: &BlockLowRank) -> Vec<f32> {
+/// The 99.5 percentile of what each column shows in some pixels, light that is seen itself aside.
+fn peaks(group: &BlockLowRank, shown: fn(f32) -> f32) -> Vec<f32> {
     let n_cols = group.n_cols as usize;
     let step = (group.n_rows() / (CHANNELS * PEAK_PIXELS)).max(1);
     let of_block = |(idx, block): (usize, &BlockFactors)| {
@@ -95,7 +112,8 @@ fn peaks(group: &BlockLowRank) -> Vec<f32> {
         group.blocks.iter().enumerate().filter_map(|(idx, block)| Some((idx, block.as_deref()?))).collect();
     let rows: Vec<Vec<f32>> = there.into_par_iter().map(of_block).collect();
     let of_column = |column: usize| {
-        let of_rows = |rows: &Vec<f32>| rows.iter().skip(column).step_by(n_cols).copied().collect::<Vec<f32>>();
+        let of_rows =
+            |rows: &Vec<f32>| rows.iter().skip(column).step_by(n_cols).map(|value| shown(*value)).collect::<Vec<f32>>();
         let mut values: Vec<f32> = rows.iter().flat_map(of_rows).collect();
         if values.is_empty() { 0.0 } else { peak(&mut values, 0.0) }
     };
@@ -123,5 +141,51 @@ impl BakeHeader {
         worst.truncate(N_WORST);
         let Spread { tenth, median, .. } = Spread::new(&columns);
         (!worst.is_empty()).then_some(ColumnErrorDb { worst, tenth, median })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use clerestory_nystrom::{BlockError, Partition};
+
+    use super::*;
+    use crate::basis::SourceKind;
+
+    const N_PIXELS: usize = 16;
+
+    fn basis(kind: SourceKind) -> LightBasis {
+        LightBasis::new(vec![LightSource::plain("a", kind, 0..1), LightSource::plain("b", kind, 0..1)])
+    }
+
+    /// A block of two columns of one value each.
+    fn group(values: [f32; 2], truncation: f32) -> BlockLowRank {
+        let left = [1.0; CHANNELS * N_PIXELS];
+        let factors = BlockFactors::from_f32(&left, &values, left.len(), 2, 1);
+        let error = BlockError { truncation, ..BlockError::default() };
+        let block = BlockFactors { column_errors: vec![1e-4; 2], error, ..factors };
+        let partition = Partition { width: N_PIXELS as u32, height: 1, tile: N_PIXELS as u32 };
+        BlockLowRank { blocks: vec![Some(Arc::new(block))], ..BlockLowRank::new(partition, CHANNELS as u32, 2) }
+    }
+
+    #[test]
+    fn what_packing_did_to_a_block_is_no_light() {
+        let basis = basis(SourceKind::Point);
+        let before = BeforePacking::new(&[group([1.0, 0.5], 1e-4)], &basis).unwrap();
+        let told = before.after(&[group([100.0, 100.0], 1e-4 + 1e-2)], &basis);
+        let expected: [f32; 2] = [1e-2 + 1e-4, (1e-2 + 1e-4) / 0.25];
+        assert!(told.iter().zip(expected).all(|(told, error)| (told / error - 1.0).abs() < 0.01), "{told:?}");
+    }
+
+    #[test]
+    fn pictures_below_black_are_measured_by_how_far_they_are_from_it() {
+        let told = |kind, values| {
+            let basis = basis(kind);
+            BeforePacking::new(&[group(values, 1e-4)], &basis).unwrap().after(&[group(values, 1e-4)], &basis)
+        };
+        let image = told(SourceKind::Image, [-1.0, 0.0]);
+        assert!((image[0] / 1e-4 - 1.0).abs() < 0.01 && image[1] == 0.0, "{image:?}");
+        assert_eq!(told(SourceKind::Point, [-1.0, 1e-7]), [0.0; 2], "they light nothing");
     }
 }

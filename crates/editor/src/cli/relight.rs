@@ -149,6 +149,7 @@ impl Target {
         let picture =
             Picture { radiance: &radiance, layers: &layers, irradiance, look, units: Units::of(&bake.header.basis) };
         let shown = picture.write(self.place, self.format, &self.options)?;
+        console.warn_all(picture.layer_remarks());
         let window = self.options.window([radiance.width, radiance.height])?;
         let n_layers = layers.len() + usize::from(self.options.irradiance);
         let output = options.output.display().to_string();

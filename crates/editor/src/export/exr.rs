@@ -51,14 +51,15 @@ impl ExrPicture<'_> {
         if samples == ExrSamples::Half {
             self.check_halves()?;
         }
-        let mut taken = HashSet::new();
         let mut channels = Vec::new();
-        for (key, radiance) in &self.extra {
-            channels.extend(rgb_channels(&format!("{}.", layer_name(key, &mut taken)), radiance, samples));
+        for (name, radiance) in &self.extra {
+            channels.extend(rgb_channels(&format!("{name}."), radiance, samples));
         }
-        for (nth, (key, radiance)) in self.layers.iter().enumerate() {
-            // The picture itself comes first; a light may be called by an empty name.
-            let prefix = if nth == 0 { String::new() } else { format!("{}.", layer_name(key, &mut taken)) };
+        // The picture itself comes first; a light may be called by an empty name.
+        let taken: Vec<&str> = self.extra.iter().map(|(name, _)| *name).collect();
+        let keys: Vec<&str> = self.layers.iter().skip(1).map(|(key, _)| *key).collect();
+        let of_lights = layer_names(&taken, &keys).into_iter().map(|name| format!("{name}."));
+        for ((_, radiance), prefix) in self.layers.iter().zip(std::iter::once(String::new()).chain(of_lights)) {
             channels.extend(rgb_channels(&prefix, radiance, samples));
         }
         let mut attributes = LayerAttributes { software_name: Some(text(SOFTWARE)), ..LayerAttributes::default() };
@@ -119,13 +120,26 @@ fn rgb_channels(prefix: &str, radiance: &Radiance, samples: ExrSamples) -> Vec<A
     ["R", "G", "B"].iter().enumerate().map(channel).collect()
 }
 
-/// A name for a light's channels: dots would nest, and long or equal names would be lost.
-fn layer_name(key: &str, taken: &mut HashSet<String>) -> String {
+/// Names for the channels of lights beside others that are taken, all of them different. Who can be called by the own name is.
+pub(super) fn layer_names(taken: &[&str], keys: &[&str]) -> Vec<String> {
+    let mut taken: HashSet<String> = taken.iter().map(|name| (*name).to_owned()).collect();
+    let own = |key: &&str| Some(plain_name(key)).filter(|name| name.as_str() == *key && taken.insert(name.clone()));
+    let names: Vec<Option<String>> = keys.iter().map(own).collect();
+    let named = |(name, key): (Option<String>, &&str)| name.unwrap_or_else(|| free_name(plain_name(key), &mut taken));
+    names.into_iter().zip(keys).map(named).collect()
+}
+
+/// A light's name as channels may have it: dots would nest, and long or empty names would be lost.
+fn plain_name(key: &str) -> String {
     let mut name: String = key.replace('.', "_").replace('\0', "");
     while name.len() > MAX_KEY_BYTES {
         name.pop();
     }
-    let base = if name.is_empty() { "_".to_string() } else { name };
+    if name.is_empty() { "_".to_string() } else { name }
+}
+
+/// A name, or that with a number where it is taken.
+fn free_name(base: String, taken: &mut HashSet<String>) -> String {
     let mut name = base.clone();
     let mut repeat = 1;
     while !taken.insert(name.clone()) {
@@ -141,10 +155,15 @@ mod tests {
 
     #[test]
     fn layer_names_stay_apart_and_short() {
-        let mut taken = HashSet::new();
         let long = "ü".repeat(300);
-        let names: Vec<String> = ["a.b", "a_b", "", &long].map(|key| layer_name(key, &mut taken)).into();
-        assert_eq!(names[..3], ["a_b", "a_b#2", "_"]);
+        let names = layer_names(&[], &["a.b", "c", "", &long]);
+        assert_eq!(names[..3], ["a_b", "c", "_"]);
         assert!(names[3].len() <= MAX_KEY_BYTES);
+    }
+
+    #[test]
+    fn a_light_whose_name_can_stay_keeps_it() {
+        assert_eq!(layer_names(&[], &["a.b", "a_b", "a_b#2"]), ["a_b#3", "a_b", "a_b#2"]);
+        assert_eq!(layer_names(&["irradiance"], &["irradiance", "a"]), ["irradiance#2", "a"]);
     }
 }

@@ -52,6 +52,20 @@ fn a_light_without_a_name_has_a_layer_of_its_own() {
 }
 
 #[test]
+fn a_layer_that_is_called_otherwise_is_told() {
+    let (whole, look) = (gradient(1.0), Look::default());
+    let layers =
+        ["a.b", "a_b", "c.d", "irradiance"].map(|key| LightLayer { key: key.into(), radiance: gradient(0.25) });
+    let told = |irradiance: Option<&Radiance>| {
+        let picture = Picture { radiance: &whole, layers: &layers, irradiance, look: &look, units: Units::Photometric };
+        picture.layer_remarks()
+    };
+    let (alone, with_lux) = (told(None), told(Some(&whole)));
+    assert!(alone.len() == 1 && alone[0].contains("`a.b` is called `a_b#2`"), "{alone:?}");
+    assert!(with_lux.len() == 2 && with_lux[1].contains("`irradiance` is called `irradiance#2`"), "{with_lux:?}");
+}
+
+#[test]
 fn the_same_picture_gives_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let paths = ["a.exr", "b.exr"].map(|name| folder.path().join(name));

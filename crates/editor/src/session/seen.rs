@@ -42,7 +42,7 @@ impl Seen {
         Seen { bake, coefficients, look, light }
     }
 
-    /// Writes it. Answers with what is said where it is black although lights are on.
+    /// Writes it. Answers with what is said where it is black although lights are on, and of layers that are called otherwise.
     pub fn save(&self, path: &Path, options: &ExportOptions) -> Result<Option<String>> {
         let format = ImageFormat::of(path)?;
         let (mut relighter, radiance) = self.relit()?;
@@ -59,7 +59,9 @@ impl Seen {
         };
         picture.save(path, options)?;
         let is_black = is_black(&radiance, &self.bake.header.basis, &self.look.lights);
-        Ok(is_black.then(|| black_words("the picture is")))
+        let black = is_black.then(|| black_words("the picture is"));
+        let words: Vec<String> = black.into_iter().chain(picture.layer_remarks()).collect();
+        Ok((!words.is_empty()).then(|| words.join("; ")))
     }
 
     /// The picture as it is shown, for the clipboard.

@@ -23,8 +23,12 @@ const LEAST_INTENSITY: f64 = 0.1;
 const COLOR_PULL: f64 = 10.0;
 /// Share of the mean of the picture that counts as no light, so that the dark does not rule.
 const DARK: f64 = 0.05;
-/// Rounds in which lights that are beyond their limits are brought back.
+/// Rounds in which lights that are beyond their limits are brought back, and in which the scale of the pull is found.
 const MOST_ROUNDS: usize = 8;
+/// Lights that end at so many times what they were, on average, are pulled by what they were.
+const NEAR: f64 = 2.0;
+/// Growth of the scale of the pull that ends its rounds.
+const SAME_SCALE: f64 = 1.01;
 
 /// A wish about a mean.
 struct Mean<'a> {
@@ -147,14 +151,11 @@ pub(super) fn fit(scene: &Scene, request: &Request, unknowns: &[Unknown], rows: 
     let mut base = BoundedLeastSquares::new(layout.n());
     means.iter().for_each(|mean| add_mean(&mut base, mean, &layout));
     keep_rest(&mut base, scene, request, &cells, &layout);
-    pull(&mut base, unknowns, request.pull, &layout);
 
     let film = Film { width: scene.bake.header.width, height: scene.bake.header.height };
-    let mut matchings: Vec<Matching> =
+    let matchings: Vec<Matching> =
         request.wishes.iter().filter_map(|wish| Matching::new(wish, film, &cells, &layout)).collect();
-    let x = within_limits(request.freedom, unknowns, &layout, |bounds| {
-        matching::solve(&base, &mut matchings, &cells, &layout, bounds)
-    })?;
+    let (x, matchings) = pulled(request, unknowns, (&base, &matchings), (&means, &cells), &layout)?;
 
     let settings: Vec<LightSetting> =
         unknowns.iter().enumerate().map(|(light, unknown)| unknown.set_to(layout.of(light, &x))).collect();
@@ -273,6 +274,57 @@ fn add_kept(problem: &mut BoundedLeastSquares, cells: &[&Cell], weight: f64, lay
             problem.add(&layout.channel(&cell.row, c), now - cell.row.fixed[c], weight);
         }
     }
+}
+
+/// Solves with a pull to the present setting; answers with the pictures as they were weighed for it. The pull grows with the square of
+/// a light, and would outweigh every wish where lights end at many times what they were: there it is measured by what was reached, and
+/// solved again, until that grows no more.
+fn pulled(
+    request: &Request,
+    unknowns: &[Unknown],
+    (base, unweighed): (&BoundedLeastSquares, &[Matching]),
+    (means, cells): (&[Mean], &[Cell]),
+    layout: &Layout,
+) -> Result<(Vec<f64>, Vec<Matching>)> {
+    let (mut scale, mut n_rounds) = (1.0, 0);
+    loop {
+        let mut base = base.clone();
+        pull(&mut base, unknowns, request.pull / scale, layout);
+        let mut matchings = unweighed.to_vec();
+        let x = within_limits(request.freedom, unknowns, layout, |bounds| {
+            matching::solve(&base, &mut matchings, cells, layout, bounds)
+        })?;
+        let of_pictures: &[Cell] = if matchings.is_empty() { &[] } else { cells };
+        let rows = means.iter().map(|mean| &mean.row).chain(of_pictures.iter().map(|cell| &cell.row));
+        let reached = mean_factor(rows, unknowns, layout, &x) / NEAR;
+        n_rounds += 1;
+        if reached <= SAME_SCALE * scale || n_rounds == MOST_ROUNDS {
+            return Ok((x, matchings));
+        }
+        scale = reached;
+    }
+}
+
+/// How many times what they were the lights are, each by its share of what the rows show.
+fn mean_factor<'r>(rows: impl Iterator<Item = &'r Row>, unknowns: &[Unknown], layout: &Layout, x: &[f64]) -> f64 {
+    let factor = |(light, unknown): (usize, &Unknown)| {
+        unknown.intensity(layout.of(light, x)) / f64::from(unknown.own.intensity).max(LEAST_INTENSITY)
+    };
+    let factors: Vec<f64> = unknowns.iter().enumerate().map(factor).collect();
+    let (mut sum, mut n_lit) = (0.0, 0u32);
+    for row in rows {
+        let brought = |(light, share): (usize, &[f64; 3])| {
+            let found = layout.of(light, x);
+            luminance(std::array::from_fn(|c| share[c] * found[c.min(found.len() - 1)])).abs()
+        };
+        let brought: Vec<f64> = row.shares.iter().enumerate().map(brought).collect();
+        let all: f64 = brought.iter().sum();
+        if all > 0.0 {
+            sum += brought.iter().zip(&factors).map(|(brought, factor)| brought / all * factor).sum::<f64>();
+            n_lit += 1;
+        }
+    }
+    sum / f64::from(n_lit.max(1))
 }
 
 /// The pull to the present setting: a light that doubles costs `strength`², one that changes its color more.

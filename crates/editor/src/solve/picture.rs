@@ -46,7 +46,7 @@ impl TargetPicture {
     /// taken back to nit.
     ///
     /// # Errors
-    /// If it cannot be read or is no picture.
+    /// If it cannot be read, is no picture, or has pixels that are no numbers.
     pub fn read(path: &Path) -> Result<TargetPicture> {
         let name = path.display();
         let found = std::fs::metadata(path).with_context(|| format!("cannot read {name}: check the path"))?;
@@ -54,7 +54,9 @@ impl TargetPicture {
         anyhow::ensure!(found.is_file(), "{name} is no file; give a picture");
         anyhow::ensure!(found.len() <= MAX_BYTES, "{name} is too large; give a smaller picture");
         let bytes = std::fs::read(path).with_context(|| format!("cannot read {name}"))?;
-        let picture = decode_picture(&bytes).map_err(|why| anyhow!("cannot use {name}: {why}"))?;
+        let refuse = |why: String| anyhow!("cannot use {name}: {why}");
+        let picture = decode_picture(&bytes).map_err(refuse)?;
+        picture.check_finite().map_err(refuse)?;
         let file_name = path.file_name().map_or_else(|| name.to_string(), |n| n.to_string_lossy().into_owned());
         let told = shown_by(&bytes);
         Ok(TargetPicture { name: file_name, display: told.unwrap_or(PLAIN), picture, is_told: told.is_some() })
@@ -132,6 +134,23 @@ mod tests {
         assert!((picture.mean(wide, [0.0, 0.0, 8.0, 4.0]).rgb[1] - 3.5).abs() < 1e-6);
         assert!((picture.mean(wide, [0.0, 0.0, 8.0, 1.0]).rgb[1] - 2.0).abs() < 1e-6);
         assert!(picture.remark(wide).is_some());
+    }
+
+    #[test]
+    fn pixels_that_are_no_numbers_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mood.exr");
+        let with = |bad: f32| {
+            let color = |x: usize, y: usize| if (x, y) == (2, 1) { (1.0, bad, 1.0) } else { (1.0, 1.0, 1.0) };
+            exr::prelude::write_rgb_file(&path, 4, 3, color).unwrap();
+            TargetPicture::read(&path)
+        };
+        for bad in [f32::INFINITY, f32::NAN] {
+            let said = with(bad).unwrap_err().to_string();
+            let words = ["mood.exr", "1 of its pixels", "(2, 1) from the top left"];
+            assert!(words.iter().all(|word| said.contains(word)), "{said}");
+        }
+        assert!(with(-1.0).is_ok());
     }
 
     #[test]

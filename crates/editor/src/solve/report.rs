@@ -110,6 +110,23 @@ impl Outcome {
         }
     }
 
+    /// Of a picture without light, given how much light there was and how much is left: there is nothing to tell that over but what there
+    /// was. It is met as a mean of nothing is.
+    pub(super) fn of_black(name: &str, [before, left]: [f64; 2]) -> Outcome {
+        let there = before.max(f64::from(f32::MIN_POSITIVE));
+        let off = |light: f64| 100.0 * light / there;
+        Outcome {
+            name: name.into(),
+            unit: "% off",
+            wanted: 0.0,
+            before: off(before),
+            reached: off(left),
+            is_met: left <= MET * size_of(0.0, before),
+            remark: Some("it is black, so that the light that is left is told over what there was".into()),
+            exposure_ev: Some(0.0),
+        }
+    }
+
     /// How far it is missed: over what is wanted, of a picture what it is off.
     pub fn miss(&self) -> f64 {
         match self.exposure_ev {

@@ -208,6 +208,48 @@ fn a_picture_under_other_lights_is_matched_whatever_its_size_and_exposure() {
 }
 
 #[test]
+fn large_factors_are_found_as_small_ones_are() {
+    let scene = at(LightRig::default());
+    for planted in [[27.2, 0.0, 99.3], [1000.0, 0.0, 3650.0]] {
+        let most: f32 = planted[2];
+        let mut secret = LightRig::default();
+        for (key, intensity) in ["lamp", "right", "back"].into_iter().zip(planted) {
+            secret.lights.insert(key.into(), LightSetting { intensity, ..LightSetting::default() });
+        }
+        let coefficients = scene.bake.header.coefficients(&secret);
+        let picture = Relighter::new(&scene.bake, &secret, None).unwrap().relight(&coefficients).unwrap();
+        let target = Arc::new(TargetPicture::of("bright", [32, 24], picture.pixels));
+        let wishes = vec![wish(Place::Whole, Target::Picture(target, Exposure::Ev(0.0)))];
+        let solved = solve(&scene, &Request { bounds: [0.0, 1e6], ..of(wishes) }).unwrap();
+        for (key, setting) in &secret.lights {
+            let (found, planted) = (solved.rig.lights[key].intensity, setting.intensity);
+            assert!((found - planted).abs() <= 0.01 * planted + 2e-3 * most, "{key}: {found} is not {planted}");
+        }
+    }
+    // And so it is of a mean.
+    let wanted = 5000.0 * lux(&scene.bake, &scene.rig);
+    let wishes = vec![wish(corner(), Target::Illuminance(wanted))];
+    let solved = solve(&scene, &Request { bounds: [0.0, 1e6], keep: 0.0, ..of(wishes) }).unwrap();
+    assert!((solved.outcomes[0].reached / wanted - 1.0).abs() < 1e-3, "{:?}", solved.outcomes);
+}
+
+#[test]
+fn a_black_picture_is_met_by_darkness_and_told_in_words() {
+    let scene = at(LightRig::default());
+    for pixel in [[0.0; 3], [-1.0; 3]] {
+        let target = Arc::new(TargetPicture::of("night", [32, 24], vec![pixel; 32 * 24]));
+        let solved = solve(&scene, &of(vec![wish(Place::Whole, Target::Picture(target, Exposure::Ev(0.0)))])).unwrap();
+        assert!(solved.changes.iter().all(|change| change.after.intensity < 1e-6), "{:?}", solved.changes);
+        let told = &solved.outcomes[0];
+        assert!(
+            told.is_met && (told.before - 100.0).abs() < 1e-9 && told.reached < 1e-3 && solved.misfit < 1e-5,
+            "{told:?}"
+        );
+        assert!(told.words().contains("it is black"), "{}", told.words());
+    }
+}
+
+#[test]
 fn a_png_is_matched_through_its_tone_curve() {
     let scene = at(LightRig::default());
     let mut secret = LightRig::default();

@@ -77,7 +77,8 @@ pub struct Request {
     pub bounds: [f64; 2],
     /// What of them may change.
     pub freedom: Freedom,
-    /// What a light that doubles costs: of as many wishes missed by so much. It makes the answer unique.
+    /// What a light that doubles costs: of as many wishes missed by so much. It makes the answer unique. Where lights end at more than
+    /// twice what they were, by their shares of what is wished for, it is divided by half of that.
     pub pull: f64,
     /// What it costs in all if the rest of the picture changes by its own measure, beside 1 for a wish.
     pub keep: f64,

@@ -17,7 +17,8 @@ impl Bake {
     /// `None` if nobody wants it any more.
     pub(crate) fn packing(header: Arc<BakeHeader>, matrices: Vec<Vec<BlockLowRank>>, focus: &Focus) -> Option<Bake> {
         let of_lights = |groups: &[BlockLowRank]| groups.len() - usize::from(header.patches.is_some());
-        let before = matrices.first().and_then(|groups| BeforePacking::new(&groups[..of_lights(groups)]));
+        let before =
+            matrices.first().and_then(|groups| BeforePacking::new(&groups[..of_lights(groups)], &header.basis));
         // Each group is dropped as soon as it is packed: most factors are never there twice.
         let pack =
             |(group, plan): (BlockLowRank, PackPlan)| (!focus.is_left()).then(|| PackedMatrix::pack(&group, &plan));
@@ -27,7 +28,7 @@ impl Bake {
         let packed = matrices.into_iter().zip(header.pack_plans()).map(pack_all).collect::<Option<_>>()?;
         let mut bake = Bake::unpacking(header, packed).expect("what was just packed can be unpacked");
         if let Some(before) = before {
-            let column_error = before.after(bake.groups_of_lights(), &bake.header);
+            let column_error = before.after(bake.groups_of_lights(), &bake.header.basis);
             Arc::make_mut(&mut bake.header).column_error = column_error;
         }
         Some(bake)

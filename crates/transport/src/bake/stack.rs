@@ -228,10 +228,11 @@ impl From<StackError> for Halt {
     }
 }
 
-/// The peak of a picture's values.
+/// The peak of a picture's values, by how far they are from black: a picture may be darker than that in most places.
 fn peak_of(pixels: &[[f32; 3]]) -> f32 {
     let every = pixels.len().div_ceil(PEAK_PIXELS);
-    peak(&mut pixels.iter().step_by(every).flatten().copied().collect::<Vec<f32>>(), 0.0)
+    let values = pixels.iter().step_by(every).flatten().map(|value| value.abs());
+    peak(&mut values.collect::<Vec<f32>>(), 0.0)
 }
 
 impl SurveyedStack {

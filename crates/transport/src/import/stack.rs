@@ -177,17 +177,8 @@ impl ImageStack {
         if picture.size != [self.film.width, self.film.height] {
             return Err(StackError::Changed { path: image.path.clone() });
         }
-        let is_finite = |pixel: &[f32; 3]| pixel.iter().all(|value| value.is_finite());
-        let Some(first) = picture.pixels.iter().position(|pixel| !is_finite(pixel)) else {
-            return Ok((picture, bytes));
-        };
-        let n_bad = picture.pixels.iter().filter(|pixel| !is_finite(pixel)).count();
-        #[expect(clippy::arithmetic_side_effects, reason = "a film with pixels is wider than 0")]
-        let (x, y) = (first % self.film.width as usize, first / self.film.width as usize);
-        Err(refuse(format!(
-            "{n_bad} of its pixels are infinite or no numbers, the first of them at ({x}, {y}) from the top left; \
-             no sum with them has a value"
-        )))
+        picture.check_finite().map_err(refuse)?;
+        Ok((picture, bytes))
     }
 }
 

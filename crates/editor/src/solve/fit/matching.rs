@@ -28,10 +28,13 @@ const SIGMA_PER_MEDIAN: f64 = 1.4826;
 const LEAST_SIGMA: f64 = 0.02;
 
 /// A picture to be matched by all cells.
+#[derive(Clone)]
 pub(super) struct Matching {
     means: Vec<Mean>,
     /// One over what a miss is measured by, in units of the picture.
     per_size: Vec<f64>,
+    /// Whether it has no light at all, so that nothing can be told over it.
+    is_black: bool,
     is_free: bool,
     /// Nit per unit of the picture.
     nit: f64,
@@ -44,19 +47,24 @@ impl Matching {
     pub fn new(wish: &Wish, film: Film, cells: &[Cell], layout: &Layout) -> Option<Matching> {
         let Target::Picture(picture, exposure) = &wish.target else { return None };
         let means: Vec<Mean> = cells.iter().map(|cell| picture.mean(film, cell.rect)).collect();
-        let level = means.iter().map(|mean| luminance(mean.rgb)).sum::<f64>() / means.len().max(1) as f64;
-        let per_size = means.iter().map(|mean| 1.0 / (luminance(mean.rgb) + DARK * level).max(LEAST)).collect();
-        let now: Vec<f64> = cells.iter().map(|cell| luminance(layout.value(&cell.row, &layout.start))).collect();
+        // Less than no light, which photographs have for noise, is none.
+        let wanted: Vec<f64> = means.iter().map(|mean| luminance(mean.rgb).max(0.0)).collect();
+        let level = wanted.iter().sum::<f64>() / wanted.len().max(1) as f64;
+        let is_black = level < LEAST;
+        let per_size = wanted.iter().map(|wanted| 1.0 / (wanted + DARK * level).max(LEAST)).collect();
         let (nit, is_free) = match exposure {
+            // Black is black however it was exposed.
+            _ if is_black => (1.0, false),
             Exposure::Ev(ev) => ((-ev).exp2(), false),
             Exposure::Free => {
-                let wanted: Vec<f64> = means.iter().map(|mean| luminance(mean.rgb)).collect();
+                let now: Vec<f64> =
+                    cells.iter().map(|cell| luminance(layout.value(&cell.row, &layout.start))).collect();
                 let ratio = median(now) / median(wanted).max(LEAST);
                 (if ratio > 0.0 && ratio.is_finite() { ratio } else { 1.0 }, true)
             }
         };
         let trust = vec![[1.0; 3]; means.len()];
-        Some(Matching { means, per_size, is_free, nit, trust, weight: wish.weight })
+        Some(Matching { means, per_size, is_black, is_free, nit, trust, weight: wish.weight })
     }
 
     fn add(&self, problem: &mut BoundedLeastSquares, cells: &[Cell], layout: &Layout) {
@@ -123,6 +131,10 @@ impl Matching {
     }
 
     pub fn outcome(&self, wish: &Wish, cells: &[Cell], layout: &Layout, x: &[f64]) -> Outcome {
+        if self.is_black {
+            let light = |x: &[f64]| cells.iter().map(|cell| luminance(layout.value(&cell.row, x)).abs()).sum::<f64>();
+            return Outcome::of_black(&wish.name, [light(&layout.start), light(x)]);
+        }
         let (before, reached) = (self.rms(cells, layout, &layout.start), self.rms(cells, layout, x));
         let mean_trust = self.trust.iter().flatten().sum::<f64>() / (3 * self.trust.len()).max(1) as f64;
         Outcome::of_picture(&wish.name, [before, reached].map(|rms| 100.0 * rms), -self.nit.log2(), mean_trust)

@@ -138,12 +138,27 @@ fn a_hot_pixel_leaves_its_block_as_it_was() {
 }
 
 #[test]
+fn a_picture_that_is_mostly_below_black_counts_as_much_as_one_above() {
+    let folder = stack();
+    let below = |x: usize, y: usize, channel: usize| if (x, y) == (20, 20) { 1e-3 } else { -value(0, x, y, channel) };
+    let above = baked(job(folder.path(), 40.0));
+    write_light(folder.path(), 0, below);
+    let bake = baked(job(folder.path(), 40.0));
+    let [scale, of_positive] = [&bake, &above].map(|bake| bake.header.column_scale[0]);
+    assert!((scale / of_positive - 1.0).abs() < 0.1, "{scale} is not {of_positive}");
+    let told = bake.figures().column_error_db.expect("a stack tells");
+    assert!(bake.figures().error_db.total > 39.7 && told.worst.iter().all(|light| light.db > 30.0), "{told:?}");
+    assert!(bake.header.column_error[0] > 0.0);
+}
+
+#[test]
 fn black_pictures_come_back_black() {
     let folder = stack();
     (2..N_LIGHTS).for_each(|light| write_light(folder.path(), light, |_, _, _| 0.0));
     let bake = baked(job(folder.path(), 40.0));
     for light in 2..N_LIGHTS {
         assert!(alone(&bake, light).iter().all(|x| *x == 0.0), "light {light} shows another one");
+        assert_eq!(bake.header.column_error[light], 0.0, "light {light} counts");
     }
 }
 

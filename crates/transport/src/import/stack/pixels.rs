@@ -29,6 +29,25 @@ pub struct Picture {
     pub remark: Option<String>,
 }
 
+impl Picture {
+    /// Refuses a picture with pixels of which no sum has a value.
+    ///
+    /// # Errors
+    /// How many of them are infinite or no numbers, and where the first one is, in words.
+    pub fn check_finite(&self) -> Result<(), String> {
+        let is_finite = |pixel: &[f32; 3]| pixel.iter().all(|value| value.is_finite());
+        let Some(first) = self.pixels.iter().position(|pixel| !is_finite(pixel)) else { return Ok(()) };
+        let n_bad = self.pixels.iter().filter(|pixel| !is_finite(pixel)).count();
+        let width = self.size[0] as usize;
+        #[expect(clippy::arithmetic_side_effects, reason = "a picture with pixels is wider than 0")]
+        let (x, y) = (first % width, first / width);
+        Err(format!(
+            "{n_bad} of its pixels are infinite or no numbers, the first of them at ({x}, {y}) from the top left; \
+             no sum with them has a value"
+        ))
+    }
+}
+
 /// The kinds of picture, told by their first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
