@@ -56,6 +56,7 @@ use crate::panels::lights::LightsState;
 use crate::panels::looks::LooksState;
 use crate::panels::menu::note_open;
 use crate::panels::messages::{MessageTone, Messages};
+use crate::panels::number::take_refusal;
 use crate::pulse::Pulse;
 use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
@@ -501,6 +502,10 @@ impl eframe::App for App {
         let ctx = ui.ctx().clone();
         self.messages.stack_ui(&ctx, self.picture_area);
         self.dialogs_ui(&ctx);
+        if let Some(words) = take_refusal(&ctx) {
+            self.say(words);
+            ctx.request_repaint();
+        }
         self.follow_marks();
         self.choose_one(lamp_before, key_before);
         self.follow_solo();
