@@ -55,7 +55,7 @@ use crate::panels::heat::HeatMap;
 use crate::panels::lights::LightsState;
 use crate::panels::looks::LooksState;
 use crate::panels::menu::note_open;
-use crate::panels::messages::{MessageTone, Messages};
+use crate::panels::messages::{Holds, MessageTone, Messages};
 use crate::panels::number::take_refusal;
 use crate::pulse::Pulse;
 use crate::session::{BakeSettings, Notice, Session, Source};
@@ -329,6 +329,11 @@ impl App {
 
     fn complain(&mut self, words: impl Into<String>) {
         self.messages.push(self.look.renamed(&in_brief(words.into())), MessageTone::Problem);
+    }
+
+    /// Says what went wrong with the scene that is open, or with what is for it.
+    fn complain_of_scene(&mut self, holds: Holds, words: impl Into<String>) {
+        self.messages.push_of_scene(self.look.renamed(&in_brief(words.into())), holds);
     }
 
     fn notice(&mut self, ctx: &Context, notice: Notice) {
