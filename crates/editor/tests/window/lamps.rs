@@ -696,6 +696,25 @@ fn a_soloed_lamp_of_the_file_that_is_dragged_stays_soloed_and_moves_its_light() 
 }
 
 #[test]
+fn a_lamp_that_is_added_during_a_solo_joins_it() {
+    let mut window = baked();
+    click(&mut window, "Solo panel");
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    assert!(says(&window, "Added Point lamp 1; it joins the solo"));
+    window.get_by_label("Solo: Point lamp 1, panel");
+    click(&mut window, "Undo");
+    window.get_by_label("Solo: panel");
+    // One of the file that is made movable was not heard, and stays so.
+    make_movable(&mut window, "lamp");
+    window.get_by_label("Solo: panel");
+    click(&mut window, "Clear solo");
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    assert!(window.query_by_label("Clear solo").is_none(), "without a solo there is none to join");
+}
+
+#[test]
 fn solo_ends_with_the_lamp_whose_adding_is_taken_back() {
     let mut window = baked();
     let ev = window.state().shown_ev();
