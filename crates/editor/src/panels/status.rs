@@ -126,12 +126,13 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
                 }
             }
             if let BakeState::Running { done, pass, n_passes, pass_done, secs_left } = status.bake {
-                let text = match secs_left {
-                    Some(secs) => format!("{} left", duration(*secs)),
-                    None if *pass == 0 && *n_passes > 1 => format!("Preview, {:.0} %", 100.0 * pass_done),
-                    None => format!("{:.0} %", 100.0 * done),
+                // The bar is filled by what it says.
+                let (filled, text) = match secs_left {
+                    Some(secs) => (*done, format!("{} left", duration(*secs))),
+                    None if *pass == 0 && *n_passes > 1 => (*pass_done, format!("Preview, {:.0} %", 100.0 * pass_done)),
+                    None => (*done, format!("{:.0} %", 100.0 * done)),
                 };
-                let bar = ProgressBar::new(*done)
+                let bar = ProgressBar::new(filled)
                     .desired_width(150.0)
                     .desired_height(14.0)
                     .corner_radius(3)
