@@ -360,7 +360,8 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
             ui.colored_label(ui.visuals().error_fg_color, why);
         }
         BakeState::Stopped => {
-            ui.label(RichText::new("Stopped, what was done is shown").weak());
+            let words = if view.figures.is_some() { "Stopped, what was done is shown" } else { "Stopped" };
+            ui.label(RichText::new(words).weak());
         }
         _ => {}
     }
@@ -466,6 +467,9 @@ fn decibels(db: Option<f32>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
     use super::*;
 
     #[test]
@@ -479,6 +483,30 @@ mod tests {
         let hints = QUALITIES.map(|quality| quality.hint());
         assert_eq!(hints[1], "32 dB, 2.5 % of the peak of the lights, with at most 64 samples per pixel");
         assert!(hints[0].starts_with("26 dB, 5.0 %") && hints[2].starts_with("40 dB, 1.0 %"), "{hints:?}");
+    }
+
+    #[test]
+    fn a_bake_that_was_stopped_before_its_first_block_shows_nothing() {
+        let view = BakeView {
+            state: &BakeState::Stopped,
+            figures: None,
+            worst_lights: &[],
+            device_bytes: None,
+            error_db: None,
+            can_bake: true,
+            camera: None,
+            pictures: None,
+            units: None,
+            report: &[],
+            n_resumable: 0,
+            forecast: &Forecast::None,
+            threads: None,
+            memory_limit: None,
+            history: &[],
+        };
+        let mut window = Harness::new_ui(|ui| start_ui(ui, &view, &mut Vec::new()));
+        window.run_steps(2);
+        window.get_by_label("Stopped");
     }
 
     #[test]
