@@ -55,7 +55,8 @@ use crate::panels::heat::HeatMap;
 use crate::panels::lights::LightsState;
 use crate::panels::looks::LooksState;
 use crate::panels::menu::note_open;
-use crate::panels::messages::{MessageTone, Messages};
+use crate::panels::messages::{Holds, MessageTone, Messages};
+use crate::panels::number::take_refusal;
 use crate::pulse::Pulse;
 use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
@@ -330,6 +331,11 @@ impl App {
         self.messages.push(self.look.renamed(&in_brief(words.into())), MessageTone::Problem);
     }
 
+    /// Says what went wrong with the scene that is open, or with what is for it.
+    fn complain_of_scene(&mut self, holds: Holds, words: impl Into<String>) {
+        self.messages.push_of_scene(self.look.renamed(&in_brief(words.into())), holds);
+    }
+
     fn notice(&mut self, ctx: &Context, notice: Notice) {
         if matches!(notice, Notice::Said(_) | Notice::Failed(_)) {
             self.messages.end_begun();
@@ -501,6 +507,10 @@ impl eframe::App for App {
         let ctx = ui.ctx().clone();
         self.messages.stack_ui(&ctx, self.picture_area);
         self.dialogs_ui(&ctx);
+        if let Some(words) = take_refusal(&ctx) {
+            self.say(words);
+            ctx.request_repaint();
+        }
         self.follow_marks();
         self.choose_one(lamp_before, key_before);
         self.follow_solo();

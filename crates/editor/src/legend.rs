@@ -1,7 +1,7 @@
 //! The legend of a false-color picture: a bar of colors with values and a unit, drawn into files and beside the picture.
 
 use clerestory_relight::display::{ColorScale, DisplayParams, turbo_bytes};
-use eframe::egui::{self, Align2, Color32, FontId, Rect, Ui, pos2, vec2};
+use eframe::egui::{self, Align2, Color32, FontId, Rect, Ui, Vec2, pos2, vec2};
 use image::{Rgb, RgbImage};
 use serde_json::{Value, json};
 
@@ -33,6 +33,10 @@ const MARK: u32 = 2;
 const LETTER: u32 = 11;
 /// Least height of a legend, so that two values fit.
 const LEAST_HEIGHT: u32 = 48;
+/// Points of an area of the window in which a scale has its usual size, and what it takes there and in a smaller one at most.
+const USUAL_AREA: Vec2 = vec2(480.0, 340.0);
+const USUAL_SIZE: Vec2 = vec2(98.0, 260.0);
+const SMALL_SIZE: Vec2 = vec2(70.0, 140.0);
 /// Rows of a picture for which letters have their least size; twice as many, twice the size.
 const ROWS_PER_SCALE: u32 = 360;
 
@@ -155,7 +159,9 @@ impl ScaleBar {
 
     /// Draws it into a corner of an area, which has one scale there at most.
     pub fn ui(&self, ui: &Ui, area: Rect, corner: Corner) {
-        let size = vec2(98.0, (area.height() - 40.0).clamp(60.0, 260.0));
+        let is_small = area.width() < USUAL_AREA.x || area.height() < USUAL_AREA.y;
+        let (most, letters) = if is_small { (SMALL_SIZE, 10.0) } else { (USUAL_SIZE, 12.0) };
+        let size = vec2(most.x, (area.height() - 40.0).clamp(60.0, most.y));
         let align = if corner == Corner::Left { Align2::LEFT_BOTTOM } else { Align2::RIGHT_BOTTOM };
         let place = align.align_size_within_rect(size, area.shrink(12.0));
         let response = ui.interact(place, ui.scope_id().with(("legend", corner)), egui::Sense::hover());
@@ -165,10 +171,12 @@ impl ScaleBar {
 
         let painter = ui.painter_at(area);
         painter.rect_filled(place, 4.0, Color32::from_black_alpha(190));
-        let (font, ink) = (FontId::proportional(12.0), Color32::from_gray(230));
+        let (font, ink) = (FontId::proportional(letters), Color32::from_gray(230));
         painter.text(place.left_top() + vec2(8.0, 6.0), Align2::LEFT_TOP, unit, font.clone(), ink);
-        let bar =
-            Rect::from_min_max(place.left_top() + vec2(8.0, 28.0), pos2(place.left() + 24.0, place.bottom() - 10.0));
+        let bar = Rect::from_min_max(
+            place.left_top() + vec2(8.0, 28.0),
+            pos2(place.left() + 0.25 * most.x, place.bottom() - 10.0),
+        );
         for y in 0..bar.height() as u32 {
             let [r, g, b] = turbo_bytes(1.0 - y as f32 / bar.height());
             let row = Rect::from_min_size(bar.left_top() + vec2(0.0, y as f32), vec2(bar.width(), 1.5));
@@ -200,6 +208,8 @@ pub fn number_words(value: f32) -> String {
 mod tests {
     use super::*;
     use clerestory_relight::display::Spacing;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
 
     fn legend() -> Legend {
         let scale = ColorScale { spacing: Spacing::Log, low: 1.0, high: 1000.0 };
@@ -225,6 +235,20 @@ mod tests {
         for (width, height) in [(1, 1), (8, 48), (64, 47), (300, 2000)] {
             let sheet = legend().beside(&RgbImage::new(width, height));
             assert!(sheet.height() == height.max(LEAST_HEIGHT) && sheet.width() > width + BAR);
+        }
+    }
+
+    #[test]
+    fn a_legend_leaves_most_of_a_small_picture_free() {
+        for (width, height) in [(200.0, 420.0), (420.0, 200.0), (600.0, 400.0), (1400.0, 900.0)] {
+            let size = vec2(width, height);
+            let mut window = Harness::builder().with_size(size).build_ui(|ui| {
+                legend().ui(ui, Rect::from_min_size(pos2(0.0, 0.0), size), Corner::Right);
+            });
+            window.run_steps(2);
+            let covered = window.get_by_label_contains("Scale of luminance").rect();
+            let share = covered.area() / (width * height);
+            assert!(share < 0.13 && covered.height() >= 60.0, "{width} × {height}: {share}");
         }
     }
 

@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use clerestory_transport::archive::beside::{followed, temporary};
 
 /// Endings of files that tell what they hold: scenes and what they are made of, pictures, profiles of lamps, bakes, looks, wishes and
@@ -71,8 +71,7 @@ impl PendingFile {
         if target.symlink_metadata().is_err_and(|error| error.kind() == ErrorKind::InvalidFilename) {
             bail!("cannot write {}: its name is too long for the system; give a shorter one", path.display());
         }
-        let (temporary, file) = temporary(&target)
-            .with_context(|| format!("cannot write {}: choose a folder that can be written", path.display()))?;
+        let (temporary, file) = temporary(&target).map_err(|error| unplaced(path, folder, error))?;
         Ok(PendingFile { path: path.to_path_buf(), target, temporary, file: Some(file) })
     }
 
@@ -93,6 +92,16 @@ impl PendingFile {
         })();
         kept.map_err(|error| unwritten(&path, error.into()))
     }
+}
+
+/// Why nothing can be put into a folder that is there. Some, such as `/proc`, take no new files: the system says then that something is
+/// missing.
+fn unplaced(path: &Path, folder: &Path, error: std::io::Error) -> anyhow::Error {
+    let path = path.display();
+    if error.kind() == ErrorKind::NotFound {
+        return anyhow!("cannot write {path}: the folder {} takes no files; choose another one", folder.display());
+    }
+    anyhow::Error::new(error).context(format!("cannot write {path}: choose a folder that can be written"))
 }
 
 /// What went wrong with a file; the disk is suspected where the system refused, not where the contents are at fault.
@@ -300,6 +309,14 @@ mod tests {
         let said = PendingFile::create(&long(256)).unwrap_err().to_string();
         assert!(said.contains("give a shorter one") && !said.contains("folder that can"), "{said}");
         assert_eq!(names(folder.path()).len(), 1);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_that_takes_no_files_is_not_told_as_missing() {
+        let said = crate::words::in_words(&PendingFile::create(Path::new("/proc/x.png")).unwrap_err());
+        assert!(!said.contains("No such file"), "{said}");
+        assert!(said.contains("cannot write /proc/x.png") && said.contains("choose a"), "{said}");
     }
 
     #[test]

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::App;
 use crate::look::scene::{PlaneChoice, SceneChoice};
+use crate::panels::messages::Holds;
 use crate::session::{Chosen, ChosenSky, Source};
 
 /// Scenes whose choices are remembered.
@@ -326,7 +327,7 @@ impl App {
                 app.look.scene = SceneChoice { work_plane, ..before };
             });
         }
-        self.complain(words);
+        self.complain_of_scene(Holds::InScene, words);
     }
 
     /// What a look that was opened makes of the scene: it is made where a scene is open, and told where a bake is. A sky that

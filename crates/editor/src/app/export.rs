@@ -102,6 +102,7 @@ impl App {
             baked: [shown.header.width, shown.header.height],
             units,
             has_illuminance: shown.pixel_irradiance().is_some(),
+            is_under_way: self.session.is_refining(),
             marked: self.view.marking.marks().and_then(|marks| marks.corners()),
             seen: self.view.seen,
         });

@@ -185,9 +185,26 @@ impl App {
         self.as_one_step(|app| {
             // A master that stands over all added lamps stands over this one.
             groups::enter(&mut app.look.lights, ADDED, &lamp.key);
-            app.say(format!("Added {}", lamp.key));
+            app.say(format!("Added {}{}", lamp.key, app.solo_words(1)));
+            app.join_solo(&lamp.key);
             app.push_lamp(lamp);
         });
+    }
+
+    /// A lamp that is added during a solo joins it: whoever adds one wants to see its light.
+    fn join_solo(&mut self, key: &str) {
+        if !self.lights.solo.is_empty() {
+            self.lights.solo.insert(key.to_owned());
+        }
+    }
+
+    /// What is said of so many lamps that do.
+    fn solo_words(&self, n_added: usize) -> &'static str {
+        match n_added {
+            _ if self.lights.solo.is_empty() => "",
+            1 => "; it joins the solo",
+            _ => "; they join the solo",
+        }
     }
 
     fn push_lamp(&mut self, lamp: FreeLamp) {
@@ -252,9 +269,9 @@ impl App {
             copies.extend(of_file.iter().filter_map(|key| app.copy_lamp_of_file(key)));
             // Why there is none was said.
             if let [copy] = &copies[..] {
-                app.say(format!("Added {copy}"));
+                app.say(format!("Added {copy}{}", app.solo_words(1)));
             } else if !copies.is_empty() {
-                app.say(format!("Added {} lamps", copies.len()));
+                app.say(format!("Added {} lamps{}", copies.len(), app.solo_words(copies.len())));
                 app.lights.select(copies);
             }
         });
@@ -282,6 +299,7 @@ impl App {
             copy = beside(&copy, &self.look.lights.lamps, &camera, &scene);
         }
         groups::join(&mut self.look.lights, of, &key);
+        self.join_solo(&key);
         self.push_lamp(copy);
         key
     }

@@ -231,6 +231,7 @@ impl App {
                 lamp_remarks,
                 error_db: self.session.error_db.map(|error| error.total),
                 median_db: figures.map(|figures| figures.block_error_db.total.median),
+                missed: self.session.missed_words().map(|words| self.look.renamed(&words)),
                 worst_lights: &worst,
                 memory_bytes: self.memory.bytes(),
                 device_bytes: self.follower.device_bytes(),

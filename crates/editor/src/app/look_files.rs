@@ -8,6 +8,7 @@ use super::App;
 use crate::action::FileTask;
 use crate::look::{Look, OnDisk, named_scene};
 use crate::panels::dialogs::{ReplaceAnswer, replace_ui};
+use crate::panels::messages::Holds;
 use crate::session::Wake;
 use crate::session::aside::Aside;
 use crate::words::in_words;
@@ -128,7 +129,7 @@ impl App {
         (self.look_path, self.look_files.on_disk) = file.unzip();
         let after = self.standing();
         self.look_files.opened.push([before, after]);
-        if warnings.is_empty() { self.say(words) } else { self.complain(problem) }
+        if warnings.is_empty() { self.say(words) } else { self.complain_of_scene(Holds::InScene, problem) }
     }
 
     /// Adds the looks of a file that was read; the lights, and what is made of the scene, stay as they are.
@@ -144,7 +145,9 @@ impl App {
         let file = path.display();
         match n_added {
             None => self.complain(format!("{file} has more looks than there is room for here; delete some first")),
-            Some(_) if !warnings.is_empty() => self.complain(format!("{file}: {}", warnings.join(", "))),
+            Some(_) if !warnings.is_empty() => {
+                self.complain_of_scene(Holds::InScene, format!("{file}: {}", warnings.join(", ")));
+            }
             Some(1) => self.say(format!("Added the look of {file}")),
             Some(n_added) => self.say(format!("Added {n_added} looks of {file}")),
         }

@@ -7,6 +7,7 @@ use eframe::egui::Context;
 
 use super::App;
 use crate::panels::dialogs::{RecoveryAnswer, recovery_ui};
+use crate::panels::messages::Holds;
 use crate::session::{Source, Stage};
 use crate::unsaved::{Keeper, LeftBehind, Work};
 use crate::words::in_words;
@@ -115,7 +116,9 @@ impl App {
         warnings.extend(self.heed_choice());
         match warnings.as_slice() {
             [] => self.say(format!("Recovered the look of {}", left.work.scene_name())),
-            some if is_whole => self.complain(format!("Recovered: {}", some.join(", "))),
+            some if is_whole => {
+                self.complain_of_scene(Holds::InScene, format!("Recovered: {}", some.join(", ")));
+            }
             some => self.complain(format!(
                 "Recovered in part, offered again at the next start; saving asks for another file: {}",
                 some.join(", ")

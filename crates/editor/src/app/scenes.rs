@@ -10,6 +10,7 @@ use super::{App, in_brief};
 use crate::look::Look;
 use crate::panels::lights::{LightsState, take_in};
 use crate::panels::looks::LooksState;
+use crate::panels::messages::Holds;
 use crate::viewport::ViewState;
 
 /// The open file is read again: what stays as it is.
@@ -35,7 +36,10 @@ fn words_of(name: &str, report: &[String]) -> String {
 impl App {
     pub(super) fn scene_opened(&mut self) {
         let reloading = self.reloading.take();
-        if reloading.is_none() {
+        if reloading.is_some() {
+            self.messages.scene_read();
+        } else {
+            self.messages.scene_left();
             let look = self.session.basis().map_or_else(Look::default, Look::of_file);
             (self.look, self.saved_look, self.look_path) = (look.clone(), look, None);
             self.look_files.forget();
@@ -70,7 +74,7 @@ impl App {
             }
         }
         if let Some(words) = self.missing_floor() {
-            self.complain(words);
+            self.complain_of_scene(Holds::UntilRead, words);
         }
         let of_file = self.session.cameras().get(self.settings.camera_idx).cloned();
         let is_reloaded = reloading.is_some();
@@ -80,7 +84,7 @@ impl App {
             let mut lost = self.look.unheeded(basis);
             lost.extend(self.look.taken_since(basis));
             if !lost.is_empty() {
-                self.complain(format!("Opened again: {}", lost.join(", ")));
+                self.complain_of_scene(Holds::UntilRead, format!("Opened again: {}", lost.join(", ")));
             }
         }
         if is_reloaded {

@@ -328,7 +328,7 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
     if view.state.is_running() {
         let (done, text) = match view.state {
             BakeState::Running { done, pass_done, secs_left, pass, n_passes } => {
-                (*done, pass_words(*pass, *n_passes, *pass_done, *secs_left))
+                pass_progress((*pass, *n_passes), [*done, *pass_done], *secs_left)
             }
             _ => (0.0, "Measuring the lights".into()),
         };
@@ -360,22 +360,23 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
             ui.colored_label(ui.visuals().error_fg_color, why);
         }
         BakeState::Stopped => {
-            ui.label(RichText::new("Stopped, what was done is shown").weak());
+            let words = if view.figures.is_some() { "Stopped, what was done is shown" } else { "Stopped" };
+            ui.label(RichText::new(words).weak());
         }
         _ => {}
     }
 }
 
-/// While nothing tells how long the bake will take, how far its pass is.
-fn pass_words(pass: u32, n_passes: u32, pass_done: f32, secs_left: Option<f32>) -> String {
+/// How far a bar is filled, and what it says: of the whole bake once its time can be judged, before that of the pass.
+fn pass_progress((pass, n_passes): (u32, u32), [done, pass_done]: [f32; 2], secs_left: Option<f32>) -> (f32, String) {
     let what = match (pass, n_passes) {
         (_, 1) => "Compressing".into(),
         (0, _) => "Preview".into(),
         _ => format!("Pass {pass} of {}", n_passes.saturating_sub(1)),
     };
     match secs_left {
-        Some(secs) => format!("{what}, {} left", duration(secs)),
-        None => format!("{what}, {:.0} %", 100.0 * pass_done),
+        Some(secs) => (done, format!("{what}, {} left", duration(secs))),
+        None => (pass_done, format!("{what}, {:.0} %", 100.0 * pass_done)),
     }
 }
 
@@ -466,6 +467,9 @@ fn decibels(db: Option<f32>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
     use super::*;
 
     #[test]
@@ -482,9 +486,35 @@ mod tests {
     }
 
     #[test]
+    fn a_bake_that_was_stopped_before_its_first_block_shows_nothing() {
+        let view = BakeView {
+            state: &BakeState::Stopped,
+            figures: None,
+            worst_lights: &[],
+            device_bytes: None,
+            error_db: None,
+            can_bake: true,
+            camera: None,
+            pictures: None,
+            units: None,
+            report: &[],
+            n_resumable: 0,
+            forecast: &Forecast::None,
+            threads: None,
+            memory_limit: None,
+            history: &[],
+        };
+        let mut window = Harness::new_ui(|ui| start_ui(ui, &view, &mut Vec::new()));
+        window.run_steps(2);
+        window.get_by_label("Stopped");
+    }
+
+    #[test]
     fn a_pass_tells_its_share_until_time_can_be_judged() {
-        assert_eq!(pass_words(0, 3, 0.42, None), "Preview, 42 %");
-        assert_eq!(pass_words(0, 1, 0.42, None), "Compressing, 42 %");
-        assert_eq!(pass_words(1, 3, 0.42, Some(61.0)), "Pass 1 of 2, 1 min 1 s left");
+        let shares = [0.03, 0.42];
+        assert_eq!(pass_progress((0, 3), shares, None), (0.42, "Preview, 42 %".into()));
+        assert_eq!(pass_progress((0, 1), shares, None), (0.42, "Compressing, 42 %".into()));
+        let judged = pass_progress((1, 3), shares, Some(61.0));
+        assert_eq!(judged, (0.03, "Pass 1 of 2, 1 min 1 s left".into()), "the bar counts what is said");
     }
 }

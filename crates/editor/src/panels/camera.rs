@@ -160,7 +160,15 @@ fn views_ui(ui: &mut Ui, views: &[ViewEntry], actions: &mut Vec<Action>) {
     ui.label(RichText::new(format!("{} baked views, {} in memory", views.len(), bytes_words(total as u64))).weak());
     for view in views {
         row_ui(ui, |ui| view_ui(ui, view, actions));
+        // Views of one camera are told apart by it.
+        ui.label(RichText::new(size_words(view)).weak().small());
     }
+}
+
+/// Size and memory of a view, which is not counted at once.
+fn size_words(view: &ViewEntry) -> String {
+    let size = format!("{} × {}", view.film.width, view.film.height);
+    view.bytes.map_or(size.clone(), |n| format!("{size}, {} in memory", bytes_words(n as u64)))
 }
 
 fn view_ui(ui: &mut Ui, view: &ViewEntry, actions: &mut Vec<Action>) {
@@ -178,11 +186,9 @@ fn view_ui(ui: &mut Ui, view: &ViewEntry, actions: &mut Vec<Action>) {
         (_, false, None) => "stopped".into(),
     };
     ui.label(RichText::new(figures).weak());
-    let size = format!("{} × {}", view.film.width, view.film.height);
-    let hint = view.bytes.map_or(size.clone(), |n| format!("{size}, {} in memory", bytes_words(n as u64)));
     ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
         let row = ui.add(Button::selectable(view.is_shown, &view.name).truncate());
-        if row.on_hover_text(hint).accessible_name(format!("Show view {}", view.name)).clicked() {
+        if row.on_hover_text(size_words(view)).accessible_name(format!("Show view {}", view.name)).clicked() {
             actions.push(Action::ShowView(view.id));
         }
     });

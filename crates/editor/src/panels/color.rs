@@ -155,7 +155,9 @@ pub fn kelvin_field_ui(ui: &mut Ui, label: &str, tint: &mut Tint, is_mixed: bool
     if is_mixed || !has_one {
         kelvin = beside(kelvin, f64::from(*KELVIN_RANGE.start()));
     }
-    let number = Number::new(&mut kelvin).range(KELVIN_RANGE).speed(15.0).suffix(" K");
+    let number = Number::new(&mut kelvin).range(KELVIN_RANGE).speed(15.0);
+    // A word has no unit.
+    let number = number.suffix(if is_mixed { "" } else { " K" });
     let number = number.words(|kelvin, _| match (is_mixed, has_one) {
         (true, _) => "mixed".into(),
         (false, true) => format!("{kelvin:.0}"),

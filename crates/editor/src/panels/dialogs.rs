@@ -191,6 +191,13 @@ impl FileQuestion {
         from_home(self.path.trim(), dirs::home_dir())
     }
 
+    /// The folder in which that lies.
+    fn folder_meant(&self) -> PathBuf {
+        let typed = self.typed();
+        let within = typed.parent().filter(|within| !within.as_os_str().is_empty());
+        within.map_or_else(|| self.folder.clone(), |within| self.folder.join(within))
+    }
+
     /// Takes the path of a file that was dropped on the window.
     pub fn fill_in(&mut self, path: &Path) {
         self.path = path.display().to_string();
@@ -278,7 +285,7 @@ impl FileQuestion {
             None => ui.label(RichText::new(hint).weak().small()),
         };
         if self.typed().is_relative() {
-            ui.label(RichText::new(format!("In {}", self.folder.display())).weak().small());
+            ui.label(RichText::new(format!("In {}", self.folder_meant().display())).weak().small());
         }
         ui.add_space(8.0);
         let mut answer = None;

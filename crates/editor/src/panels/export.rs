@@ -23,6 +23,8 @@ pub struct ExportView<'a> {
     pub units: Units,
     /// Whether the light that arrives at the pixels was baked.
     pub has_illuminance: bool,
+    /// Whether a bake of it is under way.
+    pub is_under_way: bool,
     /// What is marked lies within these corners, in shares of width and height.
     pub marked: Option<[[f32; 2]; 2]>,
     /// The same of what is in sight, where that is a part.
@@ -70,6 +72,7 @@ pub fn export_ui(
     };
     // A line of its own: beside a button the longer of the two would be cut off.
     ui.label(RichText::new(hint).weak().small());
+    under_way_ui(ui, view);
     let copy = ui.button("Copy picture").on_hover_text("Put the picture on the clipboard as it is seen");
     if copy.clicked() {
         actions.push(Action::CopyImage);
@@ -77,6 +80,14 @@ pub fn export_ui(
     ui.add_space(6.0);
     let unnamed = written.err().filter(|_| !path.trim().is_empty());
     unnamed.or(options.window(view.baked).err()).map(|error| error.to_string())
+}
+
+/// Says of what is still being baked that no more of it is written than there is.
+fn under_way_ui(ui: &mut Ui, view: &ExportView) {
+    if view.is_under_way {
+        let words = "A bake is under way: what is known so far is written";
+        ui.add(egui::Label::new(RichText::new(words).color(ui.visuals().warn_fg_color).small()).wrap());
+    }
 }
 
 /// The file that is meant by what was typed.
@@ -123,6 +134,7 @@ pub fn frames_ui(
         view_row(ui, options, view);
     });
     ui.add_space(4.0);
+    under_way_ui(ui, view);
     let n_frames = n_asked(*asked, last);
     if n_frames > MOST_FRAMES {
         return Some(format!(
@@ -312,6 +324,7 @@ mod tests {
             baked,
             units: Units::Photometric,
             has_illuminance: false,
+            is_under_way: false,
             marked: None,
             seen: None,
         };
@@ -328,6 +341,29 @@ mod tests {
         for label in ["Region left", "Region top", "Region width", "Region height"] {
             let right = window.get_by_label(label).rect().right();
             assert!(right <= edge.get(), "{label} ends at {right} of {}", edge.get());
+        }
+    }
+
+    #[test]
+    fn questions_say_of_a_bake_under_way_that_what_is_known_is_written() {
+        for is_under_way in [true, false] {
+            let view = ExportView {
+                suggested: "room.png",
+                baked: [64, 48],
+                units: Units::Photometric,
+                has_illuminance: false,
+                is_under_way,
+                marked: None,
+                seen: None,
+            };
+            let (mut options, mut path) = (ExportOptions::default(), String::from("room_####.png"));
+            let mut window = Harness::builder().with_size(vec2(600.0, 900.0)).build_ui(|ui| {
+                export_ui(ui, &mut path, &mut options, &view, &mut Vec::new());
+                ui.push_id("frames", |ui| frames_ui(ui, &mut path, &mut options, &view, (&mut None, 9, 24.0)));
+            });
+            window.run_steps(4);
+            let n_told = window.query_all_by_label_contains("what is known so far is written").count();
+            assert_eq!(n_told, 2 * usize::from(is_under_way));
         }
     }
 }

@@ -240,12 +240,13 @@ fn buttons_ui(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &mut
 }
 
 fn strength_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
-    ui.label(RichText::new("Strength").weak());
+    // The row above tells what the fader makes of it.
+    ui.label(RichText::new("Strength at 1×").weak());
     ui.horizontal(|ui| {
         let speed = (0.01 * f64::from(lamp.strength)).max(0.01);
         let number = Number::new(&mut lamp.strength).range(0.0..=MOST_STRENGTH).speed(speed).max_decimals(2);
         let tip = format!(
-            "Strength at intensity 1×, in {} where the lamp is white: a color lets a part of each channel through",
+            "Multiplied by the fader; in {} where the lamp is white: a color lets a part of each channel through",
             lamp.unit.name()
         );
         ui.add(number).on_hover_text(tip).accessible_name(format!("{name} strength"));

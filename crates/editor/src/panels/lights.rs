@@ -20,12 +20,14 @@ mod table;
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_transport::basis::LightBasis;
-use eframe::egui::{self, Align, ComboBox, Event, Key, Layout, Modifiers, Panel, RichText, TextEdit, Ui};
+use eframe::egui::{
+    self, Align, ComboBox, Event, Key, KeyboardShortcut, Layout, Modifiers, Panel, RichText, TextEdit, Ui,
+};
 use serde::{Deserialize, Serialize};
 
 use super::lamps::{LampChoice, LampState, Pick, add_button, missing_ui};
 use super::number::Number;
-use super::shortcuts::{ALL_LIGHTS, hears_keys};
+use super::shortcuts::{ALL_LIGHTS, hears_keys, presses};
 use crate::action::Action;
 use crate::look::Look;
 pub use groups::{ADDED, take_in, with_groups};
@@ -372,16 +374,13 @@ fn keys(ui: &Ui, mix: &mut Mix) {
     if mix.state.selection.is_empty() {
         return;
     }
-    let pressed = |key: Key| ui.input_mut(|input| input.consume_key(Modifiers::NONE, key));
+    let n_presses = |key: Key| presses(ui.ctx(), &KeyboardShortcut::new(Modifiers::NONE, key));
     let selected: Vec<String> =
         mix.lights.iter().filter(|light| mix.state.selection.has(&light.key)).map(|light| light.key.clone()).collect();
-    if pressed(Key::OpenBracket) {
-        editor::offset(mix, &selected, -fader::STEP_EV);
+    for (key, step_ev) in [(Key::OpenBracket, -fader::STEP_EV), (Key::CloseBracket, fader::STEP_EV)] {
+        (0..n_presses(key)).for_each(|_| editor::offset(mix, &selected, step_ev));
     }
-    if pressed(Key::CloseBracket) {
-        editor::offset(mix, &selected, fader::STEP_EV);
-    }
-    if let ([one], true) = (selected.as_slice(), pressed(Key::F2)) {
+    if let ([one], 1..) = (selected.as_slice(), n_presses(Key::F2)) {
         mix.state.renaming = Some((one.clone(), mix.look.name_of(one).to_owned()));
         // The field stands in its row, which may be folded away or out of sight.
         mix.state.scroll_to = Some(one.clone());

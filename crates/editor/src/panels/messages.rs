@@ -21,11 +21,23 @@ pub enum MessageTone {
     Problem,
 }
 
+/// How long what went wrong holds, where nobody closes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Holds {
+    /// As long as the window.
+    Always,
+    /// Until another scene is opened.
+    InScene,
+    /// Until the scene is read again, or another one is opened.
+    UntilRead,
+}
+
 /// Something that was said.
 struct Message {
     number: u64,
     words: String,
     tone: MessageTone,
+    holds: Holds,
     said_at: Instant,
     /// When it was first seen, seconds of the window; none before that.
     seen_at: Option<f64>,
@@ -73,13 +85,34 @@ impl Messages {
         }
         self.n_said += 1;
         let number = self.n_said;
-        self.kept.push_front(Message { number, words, tone, said_at: now, seen_at: None, is_open: true });
+        let holds = Holds::Always;
+        self.kept.push_front(Message { number, words, tone, holds, said_at: now, seen_at: None, is_open: true });
         if self.kept.len() > MOST_KEPT {
             // What went wrong stays until somebody closes it.
             let may_go = |message: &Message| !message.is_open || message.tone != MessageTone::Problem;
             let oldest = self.kept.iter().skip(1).rposition(may_go).map_or(MOST_KEPT, |nth| nth + 1);
             self.kept.remove(oldest);
         }
+    }
+
+    /// Says what went wrong with the scene that is open, or with what is for it.
+    pub fn push_of_scene(&mut self, words: String, holds: Holds) {
+        self.push(words, MessageTone::Problem);
+        if let Some(message) = self.kept.front_mut() {
+            message.holds = holds;
+        }
+    }
+
+    /// The open scene was read again: what was said of it as it was goes from the stack, and stays in the list.
+    pub fn scene_read(&mut self) {
+        let of_before = self.kept.iter_mut().filter(|message| message.holds == Holds::UntilRead);
+        of_before.for_each(|message| message.is_open = false);
+    }
+
+    /// Another scene was opened: what was said of the one before goes from the stack, and stays in the list.
+    pub fn scene_left(&mut self) {
+        let of_before = self.kept.iter_mut().filter(|message| message.holds != Holds::Always);
+        of_before.for_each(|message| message.is_open = false);
     }
 
     /// What has begun is over: it goes from the stack, and stays in the list.
@@ -263,6 +296,20 @@ mod tests {
         messages.push("saved".into(), MessageTone::Calm);
         assert_eq!(words(&messages), ["saved"]);
         assert_eq!(messages.kept.len(), 2, "the list keeps both");
+    }
+
+    #[test]
+    fn what_was_said_of_a_scene_goes_with_it() {
+        let mut messages = Messages::default();
+        messages.push("disk full".into(), MessageTone::Problem);
+        messages.push_of_scene("odd look".into(), Holds::InScene);
+        messages.push_of_scene("no lamp".into(), Holds::UntilRead);
+        messages.scene_read();
+        assert_eq!(words(&messages), ["odd look", "disk full"]);
+        messages.push_of_scene("no panel".into(), Holds::UntilRead);
+        messages.scene_left();
+        assert_eq!(words(&messages), ["disk full"]);
+        assert_eq!(messages.kept.len(), 4, "the list keeps them");
     }
 
     #[test]

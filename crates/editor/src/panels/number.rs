@@ -9,6 +9,9 @@ use std::ops::RangeInclusive;
 use eframe::egui::emath::Numeric;
 use eframe::egui::{Context, DragValue, Event, Id, ImeEvent, Key, Response, Slider, Ui, Widget};
 
+/// Letters that are told of what cannot be read.
+const MOST_TOLD: usize = 24;
+
 type Words<'a> = Box<dyn Fn(f64, RangeInclusive<usize>) -> String + 'a>;
 type Read<'a> = Box<dyn Fn(&str) -> Option<f64> + 'a>;
 
@@ -126,10 +129,20 @@ impl<'a> Spelling<'a> {
             shown.replace(text.clone());
             text
         };
-        let read = |text: &str| match &self.read {
-            _ if is_given_up || (!is_typed && *shown.borrow() == text) => None,
-            Some(read) => read(text),
-            None => number_of(text, &self.unit),
+        let ctx = ui.ctx().clone();
+        let read = |text: &str| {
+            let is_left_alone = is_given_up || (!is_typed && *shown.borrow() == text);
+            if is_left_alone {
+                return None;
+            }
+            let number = match &self.read {
+                Some(read) => read(text),
+                None => number_of(text, &self.unit),
+            };
+            if number.is_none() && !text.trim().is_empty() {
+                refuse(&ctx, text);
+            }
+            number
         };
         let response = add(ui, Box::new(words), Box::new(read));
         // The toolkit takes the text a frame after the focus has gone, by whatever key it went.
@@ -173,6 +186,18 @@ pub fn give_up(ctx: &Context) {
 fn is_given_up(ctx: &Context) -> bool {
     let pass = ctx.data(|data| data.get_temp(Id::unique("given up")));
     pass == Some(ctx.cumulative_pass_nr())
+}
+
+/// Keeps why a field stays as it was until the window says it.
+fn refuse(ctx: &Context, text: &str) {
+    let text: String = text.trim().chars().take(MOST_TOLD).collect();
+    let words = format!("“{text}” cannot be read as a number here; what was there stays");
+    ctx.data_mut(|data| data.insert_temp(Id::unique("refused"), words));
+}
+
+/// Why a field into which somebody typed stays as it was, told once.
+pub fn take_refusal(ctx: &Context) -> Option<String> {
+    ctx.data_mut(|data| data.remove_temp(Id::unique("refused")))
 }
 
 /// A finite number, with its unit behind it, the first word of that, or without. One comma stands for the point, but where it may set

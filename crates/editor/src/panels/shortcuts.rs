@@ -1,5 +1,7 @@
 //! Keys: which there are, what they do, and the window that lists them.
 
+use std::iter::repeat_n;
+
 use eframe::egui::gui_zoom::kb_shortcuts::{ZOOM_IN, ZOOM_OUT, ZOOM_RESET};
 use eframe::egui::os::OperatingSystem;
 use eframe::egui::text_selection::LabelSelectionState;
@@ -68,56 +70,76 @@ pub fn full_screen(ctx: &Context) -> KeyboardShortcut {
 /// for nothing while a menu is open.
 pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
     if waits {
-        let is_asked = ctx.input_mut(|input| input.consume_shortcut(&HELP));
+        let is_asked = presses(ctx, &HELP) % 2 == 1;
         if is_asked || (!ctx.text_edit_focused() && asks_for_help(ctx)) {
             actions.push(Action::ToggleShortcuts);
         }
         return;
     }
     take_copy(ctx, actions);
-    let mut take = |shortcut: &KeyboardShortcut, action: Action| {
-        if ctx.input_mut(|input| input.consume_shortcut(shortcut)) {
-            actions.push(action);
-        }
+    let mut take = |shortcut: &KeyboardShortcut, counts: Presses, action: Action| {
+        let n_presses = presses(ctx, shortcut);
+        let n_times = match counts {
+            Presses::Once => n_presses.min(1),
+            Presses::Each => n_presses,
+            Presses::Toggle => n_presses % 2,
+        };
+        actions.extend(repeat_n(action, n_times));
     };
-    take(&HELP, Action::ToggleShortcuts);
+    take(&HELP, Presses::Toggle, Action::ToggleShortcuts);
     // The longer ones first: a plain Ctrl+S also matches Ctrl+Shift+S.
-    take(&OPEN_LOOK, Action::Ask(FileTask::OpenLook));
-    take(&OPEN, Action::Ask(FileTask::OpenScene));
-    take(&SAVE_AS, Action::Ask(FileTask::SaveLook));
-    take(&SAVE, Action::SaveLookAgain);
-    take(&EXPORT, Action::Ask(FileTask::Export));
-    take(&BAKE, Action::BakeByKey);
-    take(&CLOSE, Action::CloseWindow);
-    take(&full_screen(ctx), Action::ToggleFullScreen);
+    take(&OPEN_LOOK, Presses::Once, Action::Ask(FileTask::OpenLook));
+    take(&OPEN, Presses::Once, Action::Ask(FileTask::OpenScene));
+    take(&SAVE_AS, Presses::Once, Action::Ask(FileTask::SaveLook));
+    take(&SAVE, Presses::Once, Action::SaveLookAgain);
+    take(&EXPORT, Presses::Once, Action::Ask(FileTask::Export));
+    take(&BAKE, Presses::Once, Action::BakeByKey);
+    take(&CLOSE, Presses::Once, Action::CloseWindow);
+    take(&full_screen(ctx), Presses::Toggle, Action::ToggleFullScreen);
     if ctx.text_edit_focused() {
         return;
     }
-    take(&REDO, Action::Redo);
-    take(&UNDO, Action::Undo);
-    take(&REDO_TOO, Action::Redo);
-    (0..WITH_KEY).for_each(|idx| take(&look_keys(idx), Action::TakeLook(idx)));
+    take(&REDO, Presses::Each, Action::Redo);
+    take(&UNDO, Presses::Each, Action::Undo);
+    take(&REDO_TOO, Presses::Each, Action::Redo);
+    (0..WITH_KEY).for_each(|idx| take(&look_keys(idx), Presses::Once, Action::TakeLook(idx)));
     // What lies behind an open menu or picker stays as it is.
     if Popup::is_any_open(ctx) {
         return;
     }
-    take(&PLAY, Action::PlayTimeline);
-    take(&FIT, Action::FitPicture);
-    take(&FIT_TOO, Action::FitPicture);
-    take(&ONE_TO_ONE, Action::OneToOne);
-    take(&PANELS, Action::TogglePanels);
-    take(&LIGHTS_PANEL, Action::TogglePanel(Side::Lights));
-    take(&SETTINGS_PANEL, Action::TogglePanel(Side::Settings));
-    take(&CAMERA, Action::ToggleCamera);
-    take(&VIEW_BEFORE, Action::StepView(-1));
-    take(&VIEW_AFTER, Action::StepView(1));
-    take(&DELETE, Action::DeleteChosen);
-    take(&DELETE_TOO, Action::DeleteChosen);
-    take(&DUPLICATE, Action::DuplicateLamp);
-    take(&AIM, Action::AimLamp);
+    take(&PLAY, Presses::Toggle, Action::PlayTimeline);
+    take(&FIT, Presses::Once, Action::FitPicture);
+    take(&FIT_TOO, Presses::Once, Action::FitPicture);
+    take(&ONE_TO_ONE, Presses::Once, Action::OneToOne);
+    take(&PANELS, Presses::Toggle, Action::TogglePanels);
+    take(&LIGHTS_PANEL, Presses::Toggle, Action::TogglePanel(Side::Lights));
+    take(&SETTINGS_PANEL, Presses::Toggle, Action::TogglePanel(Side::Settings));
+    take(&CAMERA, Presses::Toggle, Action::ToggleCamera);
+    take(&VIEW_BEFORE, Presses::Each, Action::StepView(-1));
+    take(&VIEW_AFTER, Presses::Each, Action::StepView(1));
+    take(&DELETE, Presses::Once, Action::DeleteChosen);
+    take(&DELETE_TOO, Presses::Once, Action::DeleteChosen);
+    take(&DUPLICATE, Presses::Each, Action::DuplicateLamp);
+    take(&AIM, Presses::Toggle, Action::AimLamp);
     if asks_for_help(ctx) {
         actions.push(Action::ToggleShortcuts);
     }
+}
+
+/// What becomes of a key that was pressed several times since the last frame, as happens where frames take long.
+#[derive(Clone, Copy)]
+enum Presses {
+    /// Once is enough.
+    Once,
+    /// Each press counts.
+    Each,
+    /// Two presses leave all as it was.
+    Toggle,
+}
+
+/// How often keys were pressed since the last frame; nothing else hears them.
+pub fn presses(ctx: &Context, shortcut: &KeyboardShortcut) -> usize {
+    ctx.input_mut(|input| input.count_and_consume_key(shortcut.modifiers, shortcut.logical_key))
 }
 
 /// Whether keys are for what is drawn there: neither for a text nor for a question, a menu, a picker or the list of keys in front of it.

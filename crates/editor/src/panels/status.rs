@@ -34,6 +34,8 @@ pub struct Status<'a> {
     pub error_db: Option<f32>,
     /// Error that half of its blocks do not reach: a few bright pixels beside a light can hold most of the whole.
     pub median_db: Option<f32>,
+    /// What was asked for and would help, where a finished bake is far from that.
+    pub missed: Option<String>,
     /// Lights that the bake knows least well, the worst first, and their error in dB.
     pub worst_lights: &'a [(String, f32)],
     /// Memory of the program, bytes.
@@ -101,8 +103,12 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
                 let hint = "Error of the bake, below the peaks of the lights: more is better. A few pixels beside a light may hold most of it; half of the picture is at the median or better";
                 let median = status.median_db.filter(|_| is_wide);
                 let median = median.map_or(String::new(), |median| format!(", median {median:.1} dB"));
-                let hint = format!("{hint}{}", worst_words(status.worst_lights));
-                ui.label(RichText::new(format!("{db:.1} dB{median}")).weak()).on_hover_text(hint);
+                let words = RichText::new(format!("{db:.1} dB{median}"));
+                let (words, missed) = match &status.missed {
+                    Some(missed) => (words.color(ui.visuals().warn_fg_color), format!("\n{missed}")),
+                    None => (words.weak(), String::new()),
+                };
+                ui.label(words).on_hover_text(format!("{hint}{}{missed}", worst_words(status.worst_lights)));
             }
             remarks_ui(ui, &status.lamp_remarks);
             lamps_ui(ui, &status.lamps, actions);
@@ -120,12 +126,13 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
                 }
             }
             if let BakeState::Running { done, pass, n_passes, pass_done, secs_left } = status.bake {
-                let text = match secs_left {
-                    Some(secs) => format!("{} left", duration(*secs)),
-                    None if *pass == 0 && *n_passes > 1 => format!("Preview, {:.0} %", 100.0 * pass_done),
-                    None => format!("{:.0} %", 100.0 * done),
+                // The bar is filled by what it says.
+                let (filled, text) = match secs_left {
+                    Some(secs) => (*done, format!("{} left", duration(*secs))),
+                    None if *pass == 0 && *n_passes > 1 => (*pass_done, format!("Preview, {:.0} %", 100.0 * pass_done)),
+                    None => (*done, format!("{:.0} %", 100.0 * done)),
                 };
-                let bar = ProgressBar::new(*done)
+                let bar = ProgressBar::new(filled)
                     .desired_width(150.0)
                     .desired_height(14.0)
                     .corner_radius(3)

@@ -198,6 +198,11 @@ impl Session {
         self.bake = bake;
     }
 
+    /// Whether a bake of what is shown is under way.
+    pub fn is_refining(&self) -> bool {
+        self.bake.is_running() && !self.is_aside()
+    }
+
     /// The view that a bake belongs to while another one is shown.
     pub(super) fn is_aside(&self) -> bool {
         self.views.aside.is_some()

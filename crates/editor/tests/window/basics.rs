@@ -20,7 +20,7 @@ use glam::Vec3;
 
 use crate::desk::{
     Dropped, Kept, Window, ask_for, ask_for_menu, ask_to_close, baked, click, click_at, drag, hints, noisy_stage,
-    on_screen, open, open_with, pull, quick, quit_by_key, reach, room, save_as, type_over, wait,
+    on_screen, open, open_with, pull, quick, quit_by_key, reach, replace_and_reload, room, save_as, type_over, wait,
 };
 
 #[test]
@@ -1561,4 +1561,35 @@ fn what_the_keyboard_comes_to_is_scrolled_into_sight() {
     window.run_steps(20);
     let seen = place(&window);
     assert!(seen.top() > 0.0 && seen.bottom() < 420.0, "{seen}");
+}
+
+#[test]
+fn what_a_reload_told_goes_with_the_next_one() {
+    let home = tempfile::tempdir().unwrap();
+    let path = home.path().join("room.gltf");
+    let without: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let mut with = without.clone();
+    let mut lamp = with["nodes"][1].clone();
+    (lamp["name"], lamp["translation"]) = ("second".into(), serde_json::json!([-0.4, 0.1, -0.3]));
+    let nodes = with["nodes"].as_array_mut().unwrap();
+    nodes.push(lamp);
+    let n_nodes = nodes.len();
+    with["scenes"][0]["nodes"].as_array_mut().unwrap().push((n_nodes - 1).into());
+    std::fs::write(&path, serde_json::to_vec(&with).unwrap()).unwrap();
+    let mut window = open(Source::File(path.clone()));
+    let is_done = |app: &App| app.session().bake == BakeState::Done && app.is_settled();
+    wait(&mut window, is_done);
+    click(&mut window, "Mute second");
+    let told = "Opened again: the look sets `second`, which this scene does not have; it is ignored";
+    replace_and_reload(&mut window, &path, &without);
+    wait(&mut window, |app| !has_light(app, "second") && is_done(app));
+    assert!(window.query_all_by_label(told).next().is_some());
+    replace_and_reload(&mut window, &path, &with);
+    wait(&mut window, |app| has_light(app, "second") && is_done(app));
+    assert!(window.query_all_by_label(told).next().is_none(), "it is there again");
+    window.get_by_label("Mute second");
+}
+
+fn has_light(app: &App, key: &str) -> bool {
+    app.session().basis().is_some_and(|basis| basis.source(key).is_some())
 }

@@ -300,3 +300,22 @@ fn nothing_of_the_panels_is_cut_off_in_a_small_window() {
         }
     }
 }
+
+#[test]
+fn the_folder_below_the_field_is_that_of_the_path() {
+    let mut window = baked();
+    click(&mut window, "Export…");
+    // A scene that lies in no file is written where the program was started.
+    let started_in = std::env::current_dir().unwrap();
+    let told = |folder: &std::path::Path| format!("In {}", folder.display());
+    let type_path = |window: &mut Window, path: &str| {
+        window.get_by_label("Path").set_text_value_accesskit(path);
+        window.run_steps(3);
+    };
+    type_path(&mut window, "picture.png");
+    window.get_by_label(&told(&started_in));
+    type_path(&mut window, "new/folder/picture.png");
+    window.get_by_label(&told(&started_in.join("new/folder")));
+    type_path(&mut window, "/elsewhere/picture.png");
+    assert!(window.query_by_label(&told(&started_in)).is_none(), "a whole path says it itself");
+}

@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 
 use crate::desk::{
     Dropped, Window, ask_for, ask_for_menu, baked, click, drag, hints, is_framed, on_screen, open, open_with, quick,
-    reach, replace_and_reload, room, type_keys, wait, wait_until,
+    reach, replace_and_reload, room, type_keys, type_over, wait, wait_until,
 };
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
@@ -696,6 +696,25 @@ fn a_soloed_lamp_of_the_file_that_is_dragged_stays_soloed_and_moves_its_light() 
 }
 
 #[test]
+fn a_lamp_that_is_added_during_a_solo_joins_it() {
+    let mut window = baked();
+    click(&mut window, "Solo panel");
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    assert!(says(&window, "Added Point lamp 1; it joins the solo"));
+    window.get_by_label("Solo: Point lamp 1, panel");
+    click(&mut window, "Undo");
+    window.get_by_label("Solo: panel");
+    // One of the file that is made movable was not heard, and stays so.
+    make_movable(&mut window, "lamp");
+    window.get_by_label("Solo: panel");
+    click(&mut window, "Clear solo");
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    assert!(window.query_by_label("Clear solo").is_none(), "without a solo there is none to join");
+}
+
+#[test]
 fn solo_ends_with_the_lamp_whose_adding_is_taken_back() {
     let mut window = baked();
     let ev = window.state().shown_ev();
@@ -908,6 +927,19 @@ fn make_movable(window: &mut Window, key: &str) {
     let row = window.get_by_label(&format!("Mute {key}")).rect();
     ask_for_menu(window, Pos2::new(row.right() + 20.0, row.center().y));
     click(window, "Make movable");
+}
+
+#[test]
+fn the_strength_of_a_lamp_is_told_to_be_that_at_its_mark() {
+    let mut window = baked();
+    type_over(&mut window, "lamp factor", "6.4");
+    make_movable(&mut window, "lamp");
+    let lamp = lamps(&window)[0].clone();
+    assert_eq!((lamp.strength, lamp.setting.intensity), (3.0, 6.4));
+    window.get_by_label("Strength at 1×");
+    click(&mut window, "Undo");
+    assert!(lamps(&window).is_empty() && window.query_by_label("Strength at 1×").is_none());
+    assert_eq!(window.state().look().lights.own_setting("lamp").intensity, 6.4);
 }
 
 #[test]

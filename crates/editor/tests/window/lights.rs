@@ -3,7 +3,7 @@
 use clerestory::app::App;
 use clerestory::look::Look;
 use clerestory::session::{BakeState, Source};
-use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, pos2};
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Role, pos2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use serde_json::{Value, json};
 
@@ -1155,4 +1155,48 @@ fn the_name_of_a_lamp_that_was_reset_away_is_not_that_of_the_next_one() {
     assert_eq!(*window.state().look(), Look::default());
     add(&mut window);
     window.get_by_label("Mute Point lamp 1");
+}
+
+#[test]
+fn what_many_lights_differ_in_is_told_in_a_small_window() {
+    let mut window = lit();
+    select(&mut window, &["left"]);
+    type_over(&mut window, "Selected lights color temperature", "2700");
+    select(&mut window, &["left", "right"]);
+    window.set_size(vec2(900.0, 600.0));
+    window.run_steps(5);
+    let end = window.get_by_label("Picture").rect().left();
+    let is_words = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() == Role::Label;
+    let told = window.query_all_by_label("mixed").find(is_words).unwrap().rect();
+    assert!(told.width() > 10.0 && told.right() <= end, "{told:?} ends behind {end}");
+}
+
+/// Presses keys so many times within one frame, as where frames take long.
+fn press_at_once(window: &mut Window, modifiers: Modifiers, key: Key, n_times: usize) {
+    for pressed in [true, false].repeat(n_times) {
+        window.input_mut().events.push(Event::Key { key, physical_key: None, pressed, repeat: false, modifiers });
+    }
+    window.run_steps(4);
+}
+
+#[test]
+fn keys_that_are_pressed_several_times_in_a_frame_count_as_often() {
+    let mut window = lit();
+    select(&mut window, &["left"]);
+    press_at_once(&mut window, Modifiers::NONE, Key::CloseBracket, 9);
+    assert!((intensity(&window, "left") - 8.0).abs() < 1e-3, "{}", intensity(&window, "left"));
+    press_at_once(&mut window, Modifiers::NONE, Key::OpenBracket, 6);
+    assert!((intensity(&window, "left") - 2.0).abs() < 1e-3, "{}", intensity(&window, "left"));
+    click(&mut window, "Reset selected lights");
+    for label in ["Mute left", "Mute middle", "Mute right"] {
+        click(&mut window, label);
+    }
+    let muted =
+        |window: &Window| ["left", "middle", "right"].map(|key| window.state().look().lights.own_setting(key).muted);
+    press_at_once(&mut window, Modifiers::COMMAND, Key::Z, 2);
+    assert_eq!(muted(&window), [true, false, false]);
+    press_at_once(&mut window, Modifiers::COMMAND, Key::Y, 2);
+    assert_eq!(muted(&window), [true; 3]);
+    press_at_once(&mut window, Modifiers::NONE, Key::T, 2);
+    assert!(window.query_by_label("Mute left").is_some(), "closed and opened again");
 }

@@ -545,3 +545,25 @@ fn escape_that_closes_the_list_of_keys_gives_up_what_is_typed_below_it() {
     window.get_by_label("Width of the file");
     assert_eq!(window.state().export_options().width_px, None);
 }
+
+#[test]
+fn what_cannot_be_read_as_a_number_is_told_and_points_between_thousands_are_read() {
+    let mut window = baked();
+    click(&mut window, "Unit of intensities");
+    click(&mut window, "lm, luminous flux");
+    type_over(&mut window, "lamp lm", "1");
+    let one = f64::from(intensity(&window));
+    type_over(&mut window, "lamp lm", "1.500,5");
+    assert!((f64::from(intensity(&window)) / one / 1500.5 - 1.0).abs() < 1e-3, "{}", intensity(&window));
+    let before = intensity(&window);
+    for text in ["nan", "1e30", "1.5,000"] {
+        type_over(&mut window, "lamp lm", text);
+        assert_eq!(intensity(&window), before, "{text}");
+        let words = format!("“{text}” cannot be read as a number here; what was there stays");
+        assert!(window.query_all_by_label(&words).next().is_some(), "{text}");
+    }
+    type_keys(&mut window, "lamp lm", "no");
+    window.key_press(Key::Escape);
+    window.run_steps(4);
+    assert!(window.query_all_by_label_contains("“no”").next().is_none(), "given up is not refused");
+}

@@ -357,6 +357,7 @@ fn a_view_is_looked_for_baked_and_kept_beside_the_first() {
     assert_eq!(*window.state().look(), look, "lights stay");
     window.get_by_label("Picture");
     assert_eq!(window.query_all_by_label_contains("2 baked views").count(), 1);
+    assert_eq!(window.query_all_by_label_contains("64 × 48, ").count(), 2, "each tells size and memory");
 
     // Both switch at once, without a bake.
     let (n_before, n_whole) = (window.state().n_pictures(), window.state().session().n_whole);

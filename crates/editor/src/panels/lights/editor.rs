@@ -45,7 +45,8 @@ fn of_selected_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize], keys: &[String
         words_ui(ui, "Change by");
         offset_ui(ui, mix, keys);
     });
-    ui.horizontal(|ui| {
+    // In a narrow panel what has no room goes on in another line.
+    ui.horizontal_wrapped(|ui| {
         words_ui(ui, "Set to");
         absolute_ui(ui, mix, selected);
         color_ui(ui, mix, selected);

@@ -188,7 +188,7 @@ const ALIASES: [(&str, &[&str]); 7] = [
 ];
 
 /// A number that was typed, in a measure. `k` behind it stands for thousands, `%` for a share of what the file says, and its own unit may
-/// follow; another unit is no answer. Of amounts commas set thousands apart where they can; elsewhere one stands for the point.
+/// follow; another unit is no answer.
 fn typed(text: &str, measure: Measure) -> Option<f64> {
     let text = text.trim();
     if text.eq_ignore_ascii_case("off") {
@@ -196,9 +196,7 @@ fn typed(text: &str, measure: Measure) -> Option<f64> {
     }
     let end = text.find(|c: char| !(c.is_ascii_digit() || "+-.,".contains(c))).unwrap_or(text.len());
     let (number, unit) = (&text[..end], text[end..].trim());
-    let sets_apart = matches!(measure, Measure::Amount { .. }) && are_thousands(number);
-    let number = if sets_apart { number.replace(',', "") } else { number.replace(',', ".") };
-    let number = number.parse::<f64>().ok().filter(|number| number.is_finite())?;
+    let number = with_a_point(number, measure)?.parse::<f64>().ok().filter(|number| number.is_finite())?;
     if unit == "%" {
         return Some(measure.number((number / 100.0).clamp(0.0, FACTOR_MAX) as f32));
     }
@@ -208,12 +206,33 @@ fn typed(text: &str, measure: Measure) -> Option<f64> {
     (unit.is_empty() || unit == own || is_alias()).then_some(number * thousands)
 }
 
-/// Whether commas stand where they set thousands apart: 5,000 but not 0,125.
-fn are_thousands(number: &str) -> bool {
-    let whole = number.split_once('.').map_or(number, |(whole, _)| whole);
-    let mut groups = whole.trim_start_matches(['+', '-']).split(',');
+/// Digits with a point before the fraction and nothing between thousands. Of a point and a comma the later one stands before the fraction;
+/// a mark that stands several times sets thousands apart, and so does a single comma of an amount where it can. Nothing where marks stand
+/// otherwise.
+fn with_a_point(number: &str, measure: Measure) -> Option<String> {
+    let is_amount = matches!(measure, Measure::Amount { .. });
+    let at = match [number.matches('.').count(), number.matches(',').count()] {
+        [1, 0] => number.find('.'),
+        [0, 1] if !(is_amount && are_thousands(number)) => number.find(','),
+        [_, 0] | [0, _] => None,
+        _ => number.rfind(['.', ',']),
+    };
+    let (whole, fraction) = at.map_or((number, ""), |at| (&number[..at], &number[at + 1..]));
+    let is_plain = !whole.contains(['.', ',']);
+    (is_plain || are_thousands(whole)).then(|| format!("{}.{fraction}", whole.replace(['.', ','], "")))
+}
+
+/// Whether marks of one kind stand where they set thousands apart: 5,000 but not 0,125.
+fn are_thousands(whole: &str) -> bool {
+    let digits = whole.trim_start_matches(['+', '-']);
+    let mark = if digits.contains('.') { '.' } else { ',' };
+    let is_group = |group: &str| group.len() == 3 && group.chars().all(|c| c.is_ascii_digit());
+    let mut groups = digits.split(mark);
     let first = groups.next().unwrap_or_default();
-    (1..=3).contains(&first.len()) && !first.starts_with('0') && groups.all(|group| group.len() == 3)
+    (1..=3).contains(&first.len())
+        && first.chars().all(|c| c.is_ascii_digit())
+        && !first.starts_with('0')
+        && groups.all(is_group)
 }
 
 /// How a number is shown.
@@ -329,5 +348,19 @@ mod tests {
             of(Measure::Stops, ["-1 EV", "+0,5", "off", "200 %", "2 stops", "-1 lx"]),
             [Some(-1.0), Some(0.5), Some(OFF_EV), Some(1.0), Some(2.0), None]
         );
+    }
+
+    #[test]
+    fn the_later_of_a_point_and_a_comma_stands_before_the_fraction() {
+        let lumen = Measure::Amount { at_one: 800.0, unit: "lm" };
+        for measure in [lumen, Measure::Factor, Measure::Stops] {
+            let of = |text: &str| typed(text, measure);
+            assert_eq!(["1.500,5", "1,500.5", "+1.500,5"].map(of), [Some(1500.5); 3], "{measure:?}");
+            assert_eq!(["1.234.567", "1,234,567", "1.234.567,0"].map(of), [Some(1_234_567.0); 3], "{measure:?}");
+            assert_eq!(["1.500", "1,5", "1.5"].map(of), [Some(1.5); 3], "{measure:?}");
+            let odd = ["1.5,000", "1.500,500,5", "1.234,567.8", "0.500,5", "12.34.567", "1,5,2", ".,5", "nan", "1e30"];
+            assert_eq!(odd.map(of), [None; 9], "{measure:?}");
+        }
+        assert_eq!(["1.500", "1,500"].map(|text| typed(text, lumen)), [Some(1.5), Some(1500.0)]);
     }
 }
