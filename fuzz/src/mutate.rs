@@ -161,7 +161,7 @@ fn mend_header(bytes: &mut [u8]) {
 }
 
 /// Versions of files whose packed matrices follow the header, with nothing or patches between.
-const PACKED_VERSIONS: [u8; 4] = [4, 5, 6, 8];
+const PACKED_VERSIONS: [u8; 5] = [4, 5, 6, 8, 9];
 
 /// Patches behind a header of so many bytes: a checksum over what its numbers say. Where the packed matrices begin.
 fn mend_patches(bytes: &mut [u8], header_end: usize) -> usize {

@@ -37,6 +37,7 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
             include_bytes!("../../crates/transport/tests/data/v6.transport"),
             include_bytes!("../../crates/transport/tests/data/v7.transport"),
             include_bytes!("../../crates/transport/tests/data/v8.transport"),
+            include_bytes!("../../crates/transport/tests/data/v9.transport"),
         ],
         "look" => &[include_bytes!("../seeds/rich.look"), include_bytes!("../seeds/kept.look")],
         "wishes" => &[include_bytes!("../seeds/all.wishes")],

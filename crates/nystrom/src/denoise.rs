@@ -23,7 +23,7 @@ mod around;
 #[cfg(test)]
 mod tests;
 
-use std::{array, sync::Arc};
+use std::{array, ops::Range, sync::Arc};
 
 use half::f16;
 use rayon::prelude::*;
@@ -45,6 +45,10 @@ pub trait Likeness: Sync {
     fn likeness(&self, bundle: u32, first: u32, out: &mut [f32]);
     /// What each row of a bundle is divided by before it is held against others, above 0: rows may be alike but for a factor.
     fn gains(&self, bundle: u32) -> &[f32];
+    /// Whether a bundle is known to be of nothing at all. Where its samples are zero, too, it tells others nothing and stays zero.
+    fn is_void(&self, _bundle: u32) -> bool {
+        false
+    }
 }
 
 /// Bundles around one, to each side, that small, middle and large means are made of.
@@ -207,9 +211,13 @@ impl<'a, L: Likeness> Surroundings<'a, L> {
         let [x0, y0, width, height] = partition.rect(block_idx);
         let mut values = Vec::new();
         for (nth, (y, x)) in (y0..y0 + height).flat_map(|y| (x0..x0 + width).map(move |x| (y, x))).enumerate() {
+            let (bundle, rows) = (y * partition.width + x, nth * self.bundle_len..(nth + 1) * self.bundle_len);
             let Some(place) = self.alike.window.place(x, y) else { continue };
+            if self.is_nothing(bundle, other, rows.clone()) {
+                continue;
+            }
             values.clear();
-            for (row, gain) in (nth * self.bundle_len..).zip(self.likeness.gains(y * partition.width + x)) {
+            for (row, gain) in rows.zip(self.likeness.gains(bundle)) {
                 for (coefficients, turned) in &parts {
                     let preserved: f32 = coefficients.row(row).iter().zip(&theirs.along).map(|(c, x)| c * x).sum();
                     values.extend(turned.row(row).iter().chain(&[preserved]).map(|value| value / gain));
@@ -217,6 +225,11 @@ impl<'a, L: Likeness> Surroundings<'a, L> {
             }
             self.planes.set(place, &values);
         }
+    }
+
+    /// Whether a bundle is void, and its rows of a block are zero.
+    fn is_nothing(&self, bundle: u32, block: &BlockFactors, mut rows: Range<usize>) -> bool {
+        self.likeness.is_void(bundle) && rows.all(|row| block.is_zero_row(row))
     }
 
     /// The block's bundles as they are and as the three means have them, gains multiplied again.
@@ -259,6 +272,12 @@ impl<'a, L: Likeness> Surroundings<'a, L> {
             moved += f64::from(lacks) * f64::from(lacks) * f64::from(square);
         }
         left.iter_mut().enumerate().for_each(|(i, x)| *x /= self.basis.lengths[i % rank]);
+        for (nth, bundle) in own.iter().enumerate() {
+            let rows = nth * self.bundle_len..(nth + 1) * self.bundle_len;
+            if self.is_nothing(*bundle, block, rows.clone()) {
+                left[rows.start * rank..rows.end * rank].fill(0.0);
+            }
+        }
         let sum = |of: fn(&Mixture) -> f64| mixtures[..rank].iter().map(of).sum::<f64>();
         let n_entries = f64::from(block.n_rows) * f64::from(block.n_cols);
         let less = (sum(|mixture| mixture.before) - sum(Mixture::error) - moved) / n_entries;

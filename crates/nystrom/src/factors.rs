@@ -120,6 +120,14 @@ impl BlockFactors {
         }
     }
 
+    /// Whether a row is zero in every column and has no noise, its sparse part aside.
+    pub(crate) fn is_zero_row(&self, row: usize) -> bool {
+        let rank = self.rank as usize;
+        let is_zero =
+            |values: &[f16]| values.is_empty() || values[row * rank..][..rank].iter().all(|x| x.to_f32() == 0.0);
+        is_zero(&self.left) && is_zero(&self.doubt)
+    }
+
     /// One entry, its sparse part included.
     pub fn entry(&self, row: usize, col: usize) -> f32 {
         let rank = self.rank as usize;

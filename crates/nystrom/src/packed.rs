@@ -5,7 +5,7 @@
 //! most part. Orthogonal components are transformed along the rows and columns of their grids \[Ahmed1974\], rounded so that the
 //! error asked for is just met, and coded \[Duda2013\] with tables that the whole matrix shares, each coefficient under the
 //! magnitude of its known neighbors. One product (that with [`PackPlan::preserved`]) is kept apart, to a share of itself. Blocks can
-//! be read alone, and each bears a checksum.
+//! be read alone, and each bears a checksum. Bundles of zeros stay zeros, however coarse the step.
 //!
 //! **Decision.** Bytes on disk are not bytes in memory: [`PackedMatrix::unpack`] gives factors in `f16`. **Refused:** vectors of few
 //! bits that could be used as they lie; they take three to six times the room.
@@ -26,6 +26,7 @@ mod quantize;
 mod tables;
 #[cfg(test)]
 mod tests;
+mod zeros;
 
 use std::sync::Arc;
 
@@ -33,14 +34,15 @@ use half::f16;
 use rayon::prelude::*;
 
 use self::{
-    block::{N_TABLES, Parts, RoundedBlock},
+    block::{Common, N_TABLES, Parts, RoundedBlock},
     bytes::TOO_LARGE,
     coder::{Counter, Decoder, Encoder},
-    kept::{Kept, product_with},
+    kept::{Kept, Plain, product_with},
     layout::{Layout, border_weight},
     orthogonal::{both, energy, squared_difference},
     quantize::{Coefficients, Rounded, quarters_between, restore, step_of},
     tables::Tables,
+    zeros::ZeroBundles,
 };
 use crate::{
     codec::CodecError,
@@ -99,6 +101,8 @@ pub struct PackedMatrix {
     step: f32,
     /// The direction whose product is kept, of length 1; empty if there is none.
     direction: Vec<f32>,
+    /// Whether each block says which of its bundles are zero, if any.
+    tells_zeros: bool,
     /// One per block of the partition; a block that is not there has no bytes.
     blocks: Vec<Arc<[u8]>>,
 }
@@ -131,8 +135,8 @@ impl PackedMatrix {
         };
         let blocks =
             (0..matrix.blocks.len()).into_par_iter().map(|block_idx| block(block_idx).unwrap_or_default()).collect();
-        let direction = packer.direction;
-        Self { tables, step, direction, blocks, layout }
+        let (direction, tells_zeros) = (packer.direction, packer.tells_zeros);
+        Self { tables, step, direction, tells_zeros, blocks, layout }
     }
 
     /// Of so many blocks, those with components that [`pack`](Self::pack) holds unpacked and packed at the same time, at most.
@@ -161,7 +165,8 @@ impl PackedMatrix {
 
     fn read_block(&self, block_idx: usize, bytes: &[u8]) -> Option<Parts> {
         let mut input = Decoder::new(&self.tables, bytes);
-        block::read(block_idx, &self.layout, (self.step, &self.direction), &mut input)
+        let Self { step, ref direction, tells_zeros, .. } = *self;
+        block::read(block_idx, &self.layout, Common { step, direction, tells_zeros }, &mut input)
     }
 
     /// Memory that the unpacked factors take at most, in bytes, as the blocks say it themselves; sparse entries aside, which take
@@ -183,6 +188,12 @@ impl PackedMatrix {
         };
         let sum = |a: u64, b: u64| a.checked_add(b).ok_or(TOO_LARGE);
         self.blocks.par_iter().enumerate().map(of_block).try_reduce(|| 0, sum)
+    }
+
+    /// Whether some blocks have bundles that are zero in every column beside others, which they tell: they stay zero exactly. Programs
+    /// from before that cannot read such a matrix.
+    pub fn tells_zeros(&self) -> bool {
+        self.tells_zeros
     }
 
     /// Bytes of all blocks and tables, those that [`encode`](Self::encode) puts around them aside.
@@ -233,6 +244,8 @@ struct Packer<'a> {
     plan: &'a PackPlan,
     /// See [`PackedMatrix`].
     direction: Vec<f32>,
+    /// See [`PackedMatrix`].
+    tells_zeros: bool,
     /// See [`border_weight`].
     border_weight: f32,
 }
@@ -244,6 +257,8 @@ struct Unrounded<'a> {
     /// Sum of the squares of what the factors hold.
     energy: f64,
     coefficients: Coefficients,
+    /// Which of its bundles are zero, and stay so.
+    zeros: Option<ZeroBundles>,
     /// Its product with the direction.
     kept: Vec<f64>,
     /// Mean square error that truncation and sampling have left in it.
@@ -277,7 +292,9 @@ impl<'a> Packer<'a> {
         let is_direction = norm > 0.0 && norm.is_finite() && plan.preserved.len() == layout.n_cols();
         let unit = |x: &f64| (x / norm) as f32;
         let direction = if is_direction { preserved.iter().map(unit).collect() } else { Vec::new() };
-        Self { matrix, layout, plan, direction, border_weight: border_weight(plan.allowed, plan.strong) }
+        let blocks = matrix.blocks.par_iter().flatten();
+        let tells_zeros = blocks.any(|factors| ZeroBundles::of(factors, layout).is_some());
+        Self { matrix, layout, plan, direction, tells_zeros, border_weight: border_weight(plan.allowed, plan.strong) }
     }
 
     fn unrounded(&self, block_idx: usize) -> Option<Unrounded<'a>> {
@@ -293,8 +310,8 @@ impl<'a> Packer<'a> {
             of_block
         };
         let allowed = (f64::from(self.plan.allowed) * tightness).max(OF_HALVES * coefficients.mean_square());
-        let energy = energy(factors);
-        Some(Unrounded { block_idx, factors, energy, coefficients, kept, own_error, tightness, allowed })
+        let (energy, zeros) = (energy(factors), ZeroBundles::of(factors, self.layout));
+        Some(Unrounded { block_idx, factors, energy, coefficients, zeros, kept, own_error, tightness, allowed })
     }
 
     /// The coarsest step for which some blocks together stay within their budgets; `None` where none has components.
@@ -341,9 +358,11 @@ impl<'a> Packer<'a> {
 
     /// A block for a step, and the mean square error that this adds.
     fn round(&self, block: &Unrounded<'_>, step: f32) -> (Vec<Rounded>, Option<Kept>, f64) {
-        let Unrounded { block_idx, factors, energy, coefficients, .. } = block;
+        let Unrounded { block_idx, factors, energy, coefficients, zeros, .. } = block;
         let (components, direction) = (coefficients.round(step), &self.direction);
         let mut plain = restore(&components, step, *block_idx, self.layout);
+        let clear = |plain: &mut Plain| zeros.iter().for_each(|zeros| zeros.clear(plain));
+        clear(&mut plain);
         let mut kept = None;
         if !direction.is_empty() {
             let noise = f64::from(factors.error.noise);
@@ -351,6 +370,7 @@ impl<'a> Packer<'a> {
         }
         if let Some(kept) = &kept {
             kept.restore(&mut plain, direction, *block_idx, self.layout);
+            clear(&mut plain);
         }
         let squared = squared_difference((factors, *energy), &plain.factors(*block_idx, self.layout));
         (components, kept, squared / coefficients.n_entries().max(1.0))
@@ -377,7 +397,12 @@ impl<'a> Packer<'a> {
         }
         let mut error = block.factors.error;
         error.truncation += added as f32;
-        RoundedBlock { quarters, components, kept, block_idx: block.block_idx, factors: block.factors, error }
+        let (block_idx, factors) = (block.block_idx, block.factors);
+        let zeros = self.tells_zeros.then(|| {
+            let is_something = !components.is_empty() || kept.is_some();
+            block.zeros.clone().filter(|_| is_something)
+        });
+        RoundedBlock { quarters, components, kept, zeros, block_idx, factors, error }
     }
 
     /// Tables that fit some blocks.

@@ -145,6 +145,7 @@ impl Smoother<'_> {
         let mut factors = multiplied((means, level), &fits, halves.each_ref(), (group, tolerance));
         let lost = lost * means.noise_per_entry() / level.means.noise_per_entry().max(f64::MIN_POSITIVE);
         factors.truncation = factors.truncation.max(0.0) + lost / means.n_entries();
+        clear_unlit(&mut factors, means, self.smoothing.bundle_len);
         Some(factors)
     }
 
@@ -240,6 +241,21 @@ impl Smoother<'_> {
                 self.smoothing.cosines.planes(own, [width, height], direction);
             }
             rest = others;
+        }
+    }
+}
+
+/// Bundles that no sample of any column found anything for stay zero. What smoothing brings there from their neighbors is light on
+/// nothing; and where a product is kept, which is zero there, it would be light of one column taken from another.
+fn clear_unlit(factors: &mut Unpacked, means: &Means, bundle_len: usize) {
+    let is_unlit = |row: usize| [&means.a, &means.b].iter().all(|half| half.row(row).iter().all(|x| *x == 0.0));
+    for first in (0..means.mean.n_rows).step_by(bundle_len) {
+        let rows = first..first + bundle_len;
+        if rows.clone().all(is_unlit) {
+            for row in rows {
+                factors.left.row_mut(row).fill(0.0);
+                factors.doubt.row_mut(row).fill(0.0);
+            }
         }
     }
 }

@@ -39,8 +39,8 @@ use crate::irradiance::first_block;
 use crate::matrix::CHANNELS;
 
 const MAGIC: &[u8; 8] = b"CLERTRAN";
-/// Newest version that is read: its blocks are packed, and its patches know their areas.
-const VERSION: u32 = 8;
+/// Newest version that is read: its packed blocks tell which pixels are zero, and stay so.
+const VERSION: u32 = 9;
 
 /// Side of a packed tile that is believed.
 const MAX_TILE: u32 = 256;
@@ -301,7 +301,9 @@ pub fn write(bake: &Bake, path: &Path) -> Result<(), ArchiveError> {
 fn write_all(bake: &Bake, file: File, path: &Path) -> Result<(), ArchiveError> {
     let mut out = BufWriter::new(file);
     if let Some(packed) = &bake.packed {
-        let mut bytes = header_bytes(MAGIC, &bake.header, Blocks::Packed);
+        let tells_zeros = packed.iter().flatten().any(PackedMatrix::tells_zeros);
+        let blocks = if tells_zeros { Blocks::PackedWithZeros } else { Blocks::Packed };
+        let mut bytes = header_bytes(MAGIC, &bake.header, blocks);
         packed.iter().flatten().for_each(|group| group.encode(&mut bytes));
         out.write_all(&bytes).map_err(at("cannot write", path))?;
         return finish(out, path);

@@ -122,6 +122,11 @@ impl Likeness for Guides {
     fn gains(&self, bundle: u32) -> &[f32] {
         &self.gains[bundle as usize]
     }
+
+    fn is_void(&self, bundle: u32) -> bool {
+        let [.., solid] = &self.compared;
+        solid[bundle as usize] == 0.0
+    }
 }
 
 impl Pixel {

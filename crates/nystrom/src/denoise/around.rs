@@ -178,7 +178,9 @@ impl Planes {
                     let total = sums[n_values];
                     for (value, sums) in sums[..n_values].iter().enumerate() {
                         let out = &mut means.plane_mut(mean, value)[bundles.clone()];
-                        out.iter_mut().zip(sums.iter().zip(&total)).for_each(|(out, (sum, total))| *out = sum / total);
+                        // Around what nothing is known of, sums and totals are 0.
+                        let divided = |(sum, total): (&f32, &f32)| sum / total.max(f32::MIN_POSITIVE);
+                        out.iter_mut().zip(sums.iter().zip(&total).map(divided)).for_each(|(out, mean)| *out = mean);
                     }
                 }
             }

@@ -226,3 +226,45 @@ fn pairs_find_the_least_of_a_form_over_weights() {
         array::from_fn(|i| array::from_fn(|j| if i == j { [1.0, 9.0, 9.0, 9.0][i] } else { 0.0 }));
     assert_eq!(least(&gram, &[10.0, -1.0, -1.0, -1.0]), [1.0, 0.0, 0.0, 0.0]);
 }
+
+/// All bundles are alike, and those of one corner are of nothing.
+struct Cornered;
+
+impl Likeness for Cornered {
+    fn likeness(&self, _: u32, _: u32, out: &mut [f32]) {
+        out.fill(1.0);
+    }
+
+    fn gains(&self, _: u32) -> &[f32] {
+        &GAINS
+    }
+
+    fn is_void(&self, bundle: u32) -> bool {
+        bundle % SIDE + bundle / SIDE < 40
+    }
+}
+
+#[test]
+fn nothing_is_brought_to_bundles_of_nothing() {
+    let mut matrix = Field { noise: 0.5, has_secret: false }.compressed();
+    let mut bundles = Vec::new();
+    for (block_idx, block) in matrix.blocks.iter_mut().flatten().enumerate() {
+        let block = Arc::make_mut(block);
+        partition().bundles(block_idx, &mut bundles);
+        let n_values = 2 * block.rank as usize;
+        for values in [&mut block.left, &mut block.doubt] {
+            let rows = bundles.iter().zip(values.chunks_exact_mut(n_values));
+            rows.filter(|(bundle, _)| Cornered.is_void(**bundle)).for_each(|(_, rows)| rows.fill(f16::ZERO));
+        }
+    }
+    let partition = partition();
+    let denoiser =
+        Denoiser { partition: &partition, bundle_len: 2, preserved: vec![&[1.0; N_COLS]], likeness: &Cornered };
+    let denoised = denoiser.all(std::slice::from_ref(&matrix), &|| true).unwrap().remove(0);
+    assert!(denoised != matrix);
+    let x: Vec<f32> = (0..N_COLS).map(|col| 1.0 + col as f32).collect();
+    for (bundle, rows) in (0..).zip(denoised.apply(&x).chunks_exact(2)) {
+        let is_dark = rows.iter().all(|x| *x == 0.0);
+        assert_eq!(is_dark, Cornered.is_void(bundle), "bundle {bundle}: {rows:?}");
+    }
+}

@@ -11,6 +11,7 @@ use super::{
     layout::Layout,
     planes::{self, Shape},
     quantize::{MAX_QUARTERS, Rounded, restore, step_of},
+    zeros::ZeroBundles,
 };
 use crate::{
     factors::{BlockError, BlockFactors},
@@ -48,6 +49,8 @@ pub(super) struct RoundedBlock<'a> {
     pub(super) quarters: i32,
     pub(super) components: Vec<Rounded>,
     pub(super) kept: Option<Kept>,
+    /// Which bundles are zero, if any are beside others; `None` in a matrix that does not tell.
+    pub(super) zeros: Option<Option<ZeroBundles>>,
     pub(super) block_idx: usize,
     /// The block as it was: its sparse entries and counts are taken from it.
     pub(super) factors: &'a BlockFactors,
@@ -83,6 +86,13 @@ impl RoundedBlock<'_> {
         if let Some(kept) = &self.kept {
             out.signed(table(Of::Kept), kept.quarters);
             write_rows(&kept.planes, row_planes(block_idx, layout, KEPT), out);
+        }
+        if let Some(zeros) = &self.zeros {
+            let [width, _] = layout.tile(block_idx);
+            out.bits(u32::from(zeros.is_some()), 1);
+            if let Some(zeros) = zeros {
+                zeros.write(width as usize, out);
+            }
         }
         entries_of(layout).write(&self.factors.sparse, out);
     }
@@ -162,11 +172,19 @@ impl Parts {
     }
 }
 
-/// Reads a block of a matrix with some step and kept direction; `None` if no encoder wrote it.
+/// What all blocks of a matrix have in common, see [`PackedMatrix`](super::PackedMatrix).
+#[derive(Clone, Copy)]
+pub(super) struct Common<'a> {
+    pub(super) step: f32,
+    pub(super) direction: &'a [f32],
+    pub(super) tells_zeros: bool,
+}
+
+/// Reads a block; `None` if no encoder wrote it.
 pub(super) fn read(
     block_idx: usize,
     layout: &Layout,
-    (step, direction): (f32, &[f32]),
+    Common { step, direction, tells_zeros }: Common<'_>,
     input: &mut Decoder<'_>,
 ) -> Option<Parts> {
     let (about, rank) = read_rank(block_idx, layout, input)?;
@@ -194,6 +212,8 @@ pub(super) fn read(
     } else {
         None
     };
+    let has_zeros = tells_zeros && input.bits(1) == 1;
+    let zeros = if has_zeros { Some(ZeroBundles::read(layout.tile(block_idx), input)?) } else { None };
     let sparse = entries_of(layout).read(layout.n_rows(block_idx) as u32, layout.n_cols() as u32, input)?;
     if !input.is_clean() {
         return None;
@@ -201,6 +221,9 @@ pub(super) fn read(
     let mut plain = restore(&components, step_of(step, quarters), block_idx, layout);
     if let Some(kept) = kept {
         kept.restore(&mut plain, direction, block_idx, layout);
+    }
+    if let Some(zeros) = zeros {
+        zeros.clear(&mut plain);
     }
     Some(Parts { about, components, plain, sparse })
 }

@@ -1,7 +1,7 @@
 //! Packed matrices to bytes and back: little-endian, tables first, then block after block, each with a checksum.
 //!
 //! ```text
-//! step f32 · length of the direction u32 · direction f32 · length of the tables u32 · tables · FNV-1a u64 over all that, then for each block length u32 · bytes · FNV-1a u32 over both
+//! step f32, negative where blocks tell of zeros · length of the direction u32 · direction f32 · length of the tables u32 · tables · FNV-1a u64 over all that, then for each block length u32 · bytes · FNV-1a u32 over both
 //! ```
 
 use std::sync::Arc;
@@ -23,7 +23,8 @@ impl PackedMatrix {
     pub fn encode(&self, out: &mut Vec<u8>) {
         let start = out.len();
         let tables = self.tables.encode();
-        out.extend(self.step.to_le_bytes());
+        let step = if self.tells_zeros { -self.step } else { self.step };
+        out.extend(step.to_le_bytes());
         out.extend((self.direction.len() as u32).to_le_bytes());
         out.extend(self.direction.iter().flat_map(|x| x.to_le_bytes()));
         out.extend((tables.len() as u32).to_le_bytes());
@@ -60,7 +61,7 @@ impl PackedMatrix {
             return Err(CodecError::Checksum);
         }
         let tables = Tables::decode(tables, N_TABLES).ok_or(CodecError::Malformed("the tables of a matrix"))?;
-        if !step.is_finite() || step < 0.0 {
+        if !step.is_finite() {
             return Err(CodecError::Malformed("the step of a matrix"));
         }
         let direction: Vec<f32> = direction.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
@@ -77,7 +78,8 @@ impl PackedMatrix {
             return Err(reader.truncated(n_blocks.saturating_mul(AROUND_LEN)));
         }
         let blocks = (0..n_blocks).map(|_| reader.block()).collect::<Result<_, _>>()?;
-        Ok((Self { layout, tables, step, direction, blocks }, reader.at))
+        let (step, tells_zeros) = (step.abs(), step.is_sign_negative());
+        Ok((Self { layout, tables, step, direction, tells_zeros, blocks }, reader.at))
     }
 }
 

@@ -295,9 +295,76 @@ fn bytes_come_back_and_every_single_changed_one_is_noticed() {
     }
 }
 
+/// The same with bundles of zeros on one side of a slope that crosses most blocks, and beyond a column that crosses the others.
+fn half_empty(mut matrix: BlockLowRank) -> BlockLowRank {
+    for block_idx in 0..matrix.blocks.len() {
+        let n_values =
+            matrix.bundle_len as usize * matrix.blocks[block_idx].as_ref().map_or(0, |block| block.rank as usize);
+        let mut bundles = Vec::new();
+        matrix.partition.bundles(block_idx, &mut bundles);
+        let Some(block) = &mut matrix.blocks[block_idx] else { continue };
+        let block = Arc::make_mut(block);
+        block.sparse.clear();
+        for (&bundle, values) in bundles.iter().zip(block.left.chunks_exact_mut(n_values)) {
+            if is_empty(bundle) {
+                values.fill(half::f16::ZERO);
+            }
+        }
+    }
+    matrix
+}
+
+/// Whether [`half_empty`] has zeros there.
+fn is_empty(bundle: u32) -> bool {
+    let (x, y) = (bundle % WIDTH, bundle / WIDTH);
+    x + 2 * y < 27 || x > 36
+}
+
+#[test]
+fn what_is_zero_stays_zero_however_coarse_the_step() {
+    let mut matrix = half_empty(example(0.05));
+    // A block that holds nothing but the kept direction.
+    Arc::make_mut(matrix.blocks[1].as_mut().unwrap()).scale.iter_mut().for_each(|scale| *scale /= 1024.0);
+    let mut rng = Random::new([54, 0]);
+    let x: Vec<f32> = (0..67).map(|_| rng.normal()).collect();
+    for (allowed, preserved) in [(1e-2, false), (1e-1, true), (1e-3, false), (1e-3, true), (1e-6, true)] {
+        let preserved = if preserved { vec![1.0; 67] } else { Vec::new() };
+        let packed = PackedMatrix::pack(&matrix, &PackPlan { preserved, ..plan(allowed) });
+        assert!(packed.tells_zeros());
+        let mut bytes = Vec::new();
+        packed.encode(&mut bytes);
+        let (packed, _) = PackedMatrix::decode(&bytes, packed.layout.partition.clone(), 3, columns()).unwrap();
+        assert!(packed.tells_zeros());
+        let unpacked = packed.unpack().unwrap();
+        for rows in [unpacked.apply(&x), packed.product().unwrap().apply(&x)] {
+            let is_lit = |bundle: &u32| rows[3 * *bundle as usize..][..3].iter().any(|x| *x != 0.0);
+            let lit: Vec<u32> = (0..WIDTH * HEIGHT).filter(is_lit).collect();
+            assert!(lit.len() > 200, "{allowed}: {} bundles", lit.len());
+            assert!(!lit.iter().any(|bundle| is_empty(*bundle)), "{allowed}: light where nothing is");
+        }
+        let (error, said) = (difference(&matrix, &unpacked), f64::from(unpacked.mean_error().truncation) - 1e-7);
+        assert!(error <= 1.05 * WORST_BLOCK * f64::from(allowed), "{allowed}: {error}");
+        assert!((said / error - 1.0).abs() < 0.02, "{allowed}: {said} for {error}");
+    }
+}
+
+#[test]
+fn a_matrix_without_zeros_is_stored_as_ever() {
+    let packed = PackedMatrix::pack(&example(0.05), &plan(1e-3));
+    assert!(!packed.tells_zeros());
+    let mut bytes = Vec::new();
+    packed.encode(&mut bytes);
+    assert!(f32::from_le_bytes(*bytes.first_chunk().unwrap()) > 0.0);
+}
+
 #[test]
 fn blocks_of_nobody_are_errors_and_never_panics() {
-    let mut packed = PackedMatrix::pack(&example(0.02), &plan(1e-3));
+    for matrix in [example(0.02), half_empty(example(0.02))] {
+        forged_blocks_are_errors(PackedMatrix::pack(&matrix, &plan(1e-3)));
+    }
+}
+
+fn forged_blocks_are_errors(mut packed: PackedMatrix) {
     let mut rng = Random::new([51, 0]);
     let mut n_errors = 0;
     for _ in 0..3000 {

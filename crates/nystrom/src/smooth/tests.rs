@@ -98,6 +98,19 @@ fn the_preserved_product_comes_out_as_it_was_sampled() {
 }
 
 #[test]
+fn what_no_sample_found_anything_for_stays_zero() {
+    let is_empty = |at: usize| at / N_COLS / 3 % WIDTH + at / N_COLS / 3 / WIDTH < 9;
+    let half = |seed: u64| -> Vec<f32> {
+        let values = noisy(&signal(), 0.5, seed).into_iter().enumerate();
+        values.map(|(at, x)| if is_empty(at) { 0.0 } else { x }).collect()
+    };
+    let [a, b] = [1, 2].map(half);
+    let [plain, smooth] = [None, Some(smoothing())].map(|smoothing| compressed([&a, &b], smoothing, Vec::new()));
+    assert!(smooth != plain, "nothing was smoothed");
+    assert!(smooth.dense().iter().enumerate().all(|(at, x)| !is_empty(at) || *x == 0.0));
+}
+
+#[test]
 fn a_smoothing_for_another_matrix_is_refused() {
     let truth = signal();
     let samples =

@@ -26,6 +26,8 @@ const EVEN_PATCHES_VERSION: u32 = 5;
 const GRAZING_VERSION: u32 = 6;
 /// Packed, with a sky that has a column of its map as it was baked; its patches do not know their areas.
 const MAP_VERSION: u32 = 7;
+/// Packed, with patches that know their areas; no block tells which pixels are zero.
+const AREAS_VERSION: u32 = 8;
 /// Oldest version that is read: it knows no sky.
 const OLDEST_VERSION: u32 = 1;
 /// Longest header that is believed.
@@ -44,6 +46,8 @@ pub(super) enum Blocks {
     Plain,
     /// Packed, group by group.
     Packed,
+    /// The same with groups that tell of pixels that are zero. It is read as `Packed` is: each group says it itself.
+    PackedWithZeros,
 }
 
 /// Everything before the first block.
@@ -59,7 +63,8 @@ pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader, blocks: Blocks)
     let len = json.len() + CHECKSUM_DIGITS + CHECKSUM_END.len();
     let mut bytes = magic.to_vec();
     let version = match blocks {
-        Blocks::Packed if header.patches.as_ref().is_some_and(Patches::knows_areas) => VERSION,
+        Blocks::PackedWithZeros => VERSION,
+        Blocks::Packed if header.patches.as_ref().is_some_and(Patches::knows_areas) => AREAS_VERSION,
         Blocks::Packed if has_map_column(&header.basis) => MAP_VERSION,
         Blocks::Packed => match &header.patches {
             None => PACKED_VERSION,

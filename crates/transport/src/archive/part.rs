@@ -160,7 +160,9 @@ pub(super) fn understood(bytes: &[u8], path: &Path) -> Result<Option<(BakeHeader
     for (magic, seal) in [(MAGIC, Seal::Checksum), (OLD_MAGIC, Seal::Nothing)] {
         match parse_header(magic, bytes, path) {
             Ok((header, offset, Blocks::Plain)) => return Ok(Some((header, offset, seal))),
-            Ok((_, _, Blocks::Packed)) => return Err(ArchiveError::InTheWay { path: path.into() }),
+            Ok((_, _, Blocks::Packed | Blocks::PackedWithZeros)) => {
+                return Err(ArchiveError::InTheWay { path: path.into() });
+            }
             Err(ArchiveError::NotATransport { .. }) => {}
             // Cut off before its first record, or useless without a header that can be trusted.
             Err(ArchiveError::Damaged { .. }) => return Ok(None),

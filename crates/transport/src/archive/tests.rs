@@ -5,7 +5,7 @@ use crate::bake::{BakeHeader, Grounds};
 use crate::light::LightRig;
 
 /// A file of each version, as the programs of their time wrote them.
-const FIXTURES: [(u32, &[u8]); 8] = [
+const FIXTURES: [(u32, &[u8]); 9] = [
     (1, include_bytes!("../../tests/data/v1.transport")),
     (2, include_bytes!("../../tests/data/v2.transport")),
     (3, include_bytes!("../../tests/data/v3.transport")),
@@ -14,6 +14,7 @@ const FIXTURES: [(u32, &[u8]); 8] = [
     (6, include_bytes!("../../tests/data/v6.transport")),
     (7, include_bytes!("../../tests/data/v7.transport")),
     (8, include_bytes!("../../tests/data/v8.transport")),
+    (9, include_bytes!("../../tests/data/v9.transport")),
 ];
 
 fn decoded(bytes: &[u8]) -> Result<Bake, ArchiveError> {
@@ -57,6 +58,7 @@ fn a_file_of_each_version_stays_readable() {
         (18, 9, 19, 0),
         (10, 8, 292, 0),
         (18, 9, 18, 0),
+        (18, 9, 18, 0),
     ];
     for ((version, bytes), (width, height, n_cols, n_sets)) in FIXTURES.iter().zip(expected) {
         assert_eq!(bytes[8..12], version.to_le_bytes());
@@ -67,7 +69,7 @@ fn a_file_of_each_version_stays_readable() {
         assert!(bake.groups.iter().all(|group| group.blocks.iter().all(Option::is_some)));
         let mean = mean(&bake);
         assert!(mean > 0.05 && mean < 5.0, "version {version}: {mean}");
-        assert_eq!(header.patches.is_some(), [5, 6, 8].contains(version));
+        assert_eq!(header.patches.is_some(), [5, 6, 8, 9].contains(version));
         // What this program makes of it holds the same.
         assert!(is_same(&decoded(&encoded(&bake)).unwrap(), &bake), "version {version}");
     }

@@ -78,6 +78,10 @@ impl Likeness for Arriving<'_> {
     fn gains(&self, _: u32) -> &[f32] {
         &[1.0; CHANNELS]
     }
+
+    fn is_void(&self, bundle: u32) -> bool {
+        self.0.is_void(bundle)
+    }
 }
 
 /// Whether some noise is known, which a matrix of an earlier bake has left behind.

@@ -15,6 +15,7 @@ use crate::arriving::ArrivingPoints;
 use crate::bake::focus::Focus;
 use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
 use crate::camera::{Camera, Film};
+use crate::empty::EmptyPixels;
 use crate::irradiance::IrradianceRows;
 use crate::lamps::tests::{ONE_SIDED, lamp};
 use crate::lamps::{FreeLamp, LampShape, PreparedLamps};
@@ -442,4 +443,36 @@ fn a_lamp_where_none_should_be_makes_no_flash() {
     assert!(brightest < 3.0 * typical, "a flash of {:.2} times the light", brightest / typical);
     assert!(size(Vec3::new(2.5, 0.0, 0.0)) < 1e-3 * typical && size(Vec3::splat(9e5)) < 1e-3 * typical);
     size(scene.scene.cameras[0].position());
+}
+
+/// A table and a leaf in the open: most blocks have pixels that see nothing beside others.
+fn in_the_open() -> Stage {
+    let camera = Camera::look_at("aside", Vec3::new(0.4, 0.9, 3.0), Vec3::new(0.0, 0.4, 0.0), 0.9, 4.0 / 3.0);
+    Stage::new(camera)
+        .surface("table", &quad(Vec3::new(-1.0, 0.0, 0.8), Vec3::X * 2.0, Vec3::NEG_Z * 1.6), lambert(0.7, 0.0))
+        .surface("leaf", &quad(Vec3::new(-0.3, 0.1, 0.0), Vec3::X * 0.6, Vec3::Y * 0.7), lambert(0.5, 0.0))
+        .lamp("right", Vec3::new(0.5, 1.5, 1.0), 3.0)
+        .lamp("left", Vec3::new(-0.9, 0.6, 0.5), 1.0)
+}
+
+#[test]
+fn pixels_that_see_nothing_get_no_light_of_any_lamp() {
+    let scene = Arc::new(in_the_open().prepared());
+    let empty = EmptyPixels::find(&scene.scene.mesh, &scene.scene.cameras[0], FILM).expect("there is much of nothing");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("open.transport");
+    archive::write(&baked(&scene, 16, 32), &path).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap()[8..12], 9u32.to_le_bytes());
+    let bake = archive::read(&path).unwrap();
+    let free = FreeLamp { position: Vec3::new(-0.2, 0.8, 0.6), ..lamp(LampShape::Point) };
+    let own = &bake.groups[0];
+    let alone = [[1.0f32, 0.0], [0.0, 1.0]].map(|of_lamps| own.apply(&of_lamps));
+    for picture in alone.into_iter().chain([by_lamp(&scene, &bake, free, None)]) {
+        let is_lit = |pixel: usize| picture[CHANNELS * pixel..][..CHANNELS].iter().any(|x| *x != 0.0);
+        let (nothing, others): (Vec<usize>, Vec<usize>) =
+            (0..FILM.n_pixels()).partition(|&pixel| empty.contains(pixel));
+        let n_lit = others.iter().filter(|pixel| is_lit(**pixel)).count();
+        assert!(nothing.len() > 100 && n_lit > 40, "{} and {n_lit} pixels", nothing.len());
+        assert!(!nothing.iter().any(|pixel| is_lit(*pixel)), "light where nothing is");
+    }
 }
