@@ -66,8 +66,8 @@ impl MapEmitter {
 
 /// Patches of 1 nit, one column each, after them the column of the map as it is baked, and that of what the camera sees.
 ///
-/// Whoever looks towards a patch sees the map there as well: one direction serves both columns. Where the map is even over a
-/// patch, so are the directions. Else half of them are spread evenly, and half in proportion to the map, so that neither column
+/// Whoever looks towards a patch sees the map there as well: one direction serves both columns. Where the map is about even over
+/// a patch, so are the directions. Else half of them are spread evenly, and half in proportion to the map, so that neither column
 /// has a sample of more than about twice its weight.
 #[derive(Clone, Debug)]
 pub struct DomeEmitter {
@@ -80,8 +80,9 @@ pub struct DomeEmitter {
     luminance: Arc<Vec<f32>>,
 }
 
-/// How many times as bright as in the mean a map may be in a patch that it is called even over.
-const EVEN: f32 = 2.0;
+/// How many times as bright as in the mean a map may be in a patch that it is called even over: samples of less contrast are not
+/// worth a look into the map for each.
+const EVEN: f32 = 4.0;
 
 impl DomeEmitter {
     /// A dome for a sky as it is turned.
