@@ -71,7 +71,8 @@ pub struct ColumnGroup {
     /// What is asked of each block.
     pub tolerance: Tolerance,
     /// One weight per column: the product with these weights comes out as it was sampled, whatever the rank. Where the components
-    /// hold too little of it, that takes one more, beyond any greatest rank. Empty: none.
+    /// hold too little of it, that takes one more, beyond any greatest rank. Its noise is no part of what ranks leave out: under an absolute
+    /// tolerance a block is sampled until that too is as far as asked below the product at the peaks, 1, of all columns. Empty: none.
     pub preserved: Vec<f32>,
     /// Share of an absolute tolerance that truncation may take, 0…1: little where one column alone may be asked for, since the
     /// mean over many that hold nothing in a block hides what that one lacks. Samples are asked for by the whole.

@@ -50,6 +50,19 @@ pub(crate) fn preserve(
     [truncation, sampling + spread]
 }
 
+/// Noise of the product of the mean of two samplings with a direction, which stays in it whatever the rank: mean square over the square of
+/// the product at the peaks, 1, of all columns that are not zero.
+pub(crate) fn product_noise(means: &Means, direction: &[f32]) -> f64 {
+    let direction = lit_part(means, direction);
+    let peak: f64 = direction.iter().map(|x| x.abs()).sum();
+    if peak == 0.0 || means.is_exact() {
+        return 0.0;
+    }
+    let [a, b] = [&means.a, &means.b].map(|half| product(half, &direction));
+    let squares: f64 = a.iter().zip(&b).map(|(a, b)| 0.25 * (a - b).powi(2)).sum();
+    squares / (peak * peak * means.mean.n_rows as f64)
+}
+
 /// A direction without the columns that are zero in both halves, which have no part in the product and get none of its residual.
 fn lit_part(means: &Means, direction: &[f32]) -> Vec<f64> {
     let mut is_lit = vec![false; direction.len()];

@@ -16,7 +16,7 @@ use crate::{
     level::Level,
     means::Means,
     measure::{Measured, PACKING, ROUNDING, held_out, least_agreement},
-    preserve::preserve,
+    preserve::{preserve, product_noise},
     product::{coefficients, combinations, power_step, product},
     random::Random,
     sketch::{Sketch, allowed, rank_limit, sketch},
@@ -143,6 +143,16 @@ pub(crate) fn noise_share(means: &Means, tolerance: Tolerance) -> f64 {
     } else {
         f64::INFINITY
     }
+}
+
+/// The noise of the product that is preserved over what is allowed, where that is absolute; a rank and a share of the energy ask nothing
+/// of it.
+pub(crate) fn product_noise_share(means: &Means, preserved: &[f32], tolerance: Tolerance) -> f64 {
+    if !matches!(tolerance, Tolerance::AbsoluteMeanSquare(_)) || preserved.is_empty() {
+        return 0.0;
+    }
+    let noise = product_noise(means, preserved);
+    if noise == 0.0 { 0.0 } else { noise / allowed(means, tolerance) }
 }
 
 /// The error of the factors over what is allowed, as fits to two samplings tell it, of the variance of whose mean a share is

@@ -7,7 +7,7 @@
 use crate::{
     compress::{BlockSamples, CompressConfig, CompressError, fill},
     means::Means,
-    project::{error_share, noise_share},
+    project::{error_share, noise_share, product_noise_share},
     random::Random,
 };
 
@@ -34,8 +34,9 @@ struct Fitted {
 }
 
 impl Judge {
-    /// Is every group of columns exact enough if what is not asked is as noisy as what is? `parts` are two samplings that
-    /// were not compared before, and `remaining` the share of the variance of their mean that the mean of all will have.
+    /// Is every group of columns exact enough, and the product that it preserves by itself, if what is not asked is as noisy as what
+    /// is? `parts` are two samplings that were not compared before, and `remaining` the share of the variance of their mean that the
+    /// mean of all will have.
     ///
     /// # Errors
     /// Samples that are not finite.
@@ -52,9 +53,15 @@ impl Judge {
         }
         let first = self.group;
         for nth in (first..config.groups.len()).chain(0..first) {
-            let tolerance = config.groups[nth].tolerance;
-            fill(means, parts, &config.groups[nth], block_idx)?;
+            let group = &config.groups[nth];
+            let tolerance = group.tolerance;
+            fill(means, parts, group, block_idx)?;
             let known = self.fitted.filter(|_| nth == first);
+            // One column may be all that shines: its noise is little in the mean of many.
+            if remaining * product_noise_share(means, &group.preserved, tolerance) > ENOUGH {
+                *self = Self { group: nth, fitted: known };
+                return Ok(false);
+            }
             let noise = remaining * noise_share(means, tolerance);
             if let Some(is_content) = without_fit(noise, means.mean.n_rows.min(means.mean.n_cols), known) {
                 if is_content {

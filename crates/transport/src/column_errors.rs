@@ -9,6 +9,7 @@ use crate::bake::{Bake, BakeHeader};
 use crate::basis::{ColumnKind, LightBasis, LightSource};
 use crate::error_maps::{Layer, Spread};
 use crate::figures::BEST_DB;
+use crate::irradiance::IrradianceHeader;
 use crate::matrix::{CHANNELS, peak};
 
 /// Lights that are named.
@@ -58,7 +59,7 @@ struct GroupBefore {
 }
 
 impl BeforePacking {
-    /// Of the groups of lights of a picture; `None` where one of them does not tell.
+    /// Of the groups of lights of a picture, or of a matrix of irradiance; `None` where one of them does not tell.
     pub(crate) fn new(groups: &[BlockLowRank], basis: &LightBasis) -> Option<BeforePacking> {
         // Photographs may be darker than black: how far they are from it is what they show.
         let shown: fn(f32) -> f32 = if basis.is_measured() { f32::abs } else { std::convert::identity };
@@ -69,8 +70,8 @@ impl BeforePacking {
         Some(BeforePacking { groups: groups.iter().map(of_group).collect::<Option<_>>()? })
     }
 
-    /// [`BakeHeader::column_error`], given the same groups as they were packed. What packing adds is known in the mean alone, and counts in
-    /// each column alike.
+    /// [`BakeHeader::column_error`], or the same of a matrix of irradiance, given the same groups as they were packed. What packing adds is
+    /// known in the mean alone, and counts in each column alike.
     pub(crate) fn after(self, packed: &[BlockLowRank], basis: &LightBasis) -> Vec<f32> {
         let of_group = |(before, (group, kind)): (GroupBefore, (&BlockLowRank, ColumnKind))| {
             let added = f64::from((group.mean_error().truncation - before.truncation).max(0.0));
@@ -128,6 +129,28 @@ impl Bake {
 }
 
 impl BakeHeader {
+    /// Error of the light of the file in a matrix of irradiance, below that light at the peaks of its columns, dB; what columns are off by
+    /// is taken for independent. `None` where they do not tell.
+    pub(crate) fn light_error_db(&self, set: usize) -> Option<f32> {
+        let IrradianceHeader { column_scale, column_error, .. } = &self.irradiance[set];
+        let light = self.basis.file_light(column_scale);
+        let (mut error, mut peak) = (0.0f64, 0.0f64);
+        for (light, own) in light.iter().zip(column_error).filter(|(_, own)| **own > 0.0) {
+            let light = f64::from(light.abs());
+            error += light * light * f64::from(*own);
+            peak += light;
+        }
+        let db = (-10.0 * (error / (peak * peak)).log10()) as f32;
+        db.is_finite().then(|| db.min(BEST_DB))
+    }
+
+    /// Whether errors of columns can be trusted: those of all columns of lights, or none.
+    pub(crate) fn is_of_columns(&self, error: &[f32]) -> bool {
+        let n_of_patches = self.basis.patch_columns().map_or(0, |columns| columns.len());
+        let is_whole = error.is_empty() || error.len() == self.basis.n_cols().saturating_sub(n_of_patches);
+        is_whole && error.iter().all(|error| error.is_finite() && *error >= 0.0)
+    }
+
     fn column_error_db(&self) -> Option<ColumnErrorDb> {
         let in_db = |error: &f32| (*error > 0.0).then(|| (-10.0 * error.log10()).min(BEST_DB));
         let columns: Layer = self.column_error.iter().map(in_db).collect();

@@ -39,12 +39,16 @@ pub struct IrradianceHeader {
     /// Mean square over the entries by which shared indirect light is off, as [`BakeHeader::sharing_bias`] for the picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sharing_bias: Option<f32>,
+    /// Error of each column of lights, as [`BakeHeader::column_error`] for the picture.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub column_error: Vec<f32>,
 }
 
 impl IrradianceHeader {
     /// Before anything of its columns is known.
     pub(crate) fn unmeasured(rows: IrradianceRows, n_cols: usize) -> IrradianceHeader {
-        IrradianceHeader { rows, column_scale: vec![1.0; n_cols], sky_reach: Vec::new(), sharing_bias: None }
+        let (column_scale, sky_reach, column_error) = (vec![1.0; n_cols], Vec::new(), Vec::new());
+        IrradianceHeader { rows, column_scale, sky_reach, sharing_bias: None, column_error }
     }
 }
 
@@ -63,7 +67,8 @@ pub struct IrradianceFigures {
     pub bytes: usize,
     /// Bytes of the dense matrix in 32-bit floats.
     pub dense_bytes: usize,
-    /// Measured errors below the columns' peaks.
+    /// Measured errors below the columns' peaks. The total is that of the light of the file, where that is worse: what is read of points
+    /// is their light, and its error may be that of one column among hundreds.
     pub error_db: ErrorDb,
 }
 
@@ -140,6 +145,9 @@ impl BakeHeader {
             if set.column_scale.iter().any(|s| !s.is_finite() || *s <= 0.0) {
                 return Err("its header has an impossible scale of irradiance");
             }
+            if !self.is_of_columns(&set.column_error) {
+                return Err("its header has impossible errors of columns of irradiance");
+            }
             if set.sky_reach.iter().any(|reach| !reach.is_finite() || *reach < 0.0) {
                 return Err("its header has an impossible reach of the sky");
             }
@@ -166,6 +174,12 @@ impl Bake {
         let sets = self.header.irradiance.iter().zip(&self.irradiance).enumerate();
         let figures = sets.map(|(set, (header, groups))| {
             let film = self.header.irradiance_film(set);
+            // The columns of patches are measured against lamps that no bake knows, not against lights of the scene.
+            let of_lights = &groups[..groups.len() - usize::from(self.header.patches.is_some())];
+            let mut error_db = error_db(of_lights, header.sharing_bias);
+            if let Some(of_light) = self.header.light_error_db(set) {
+                error_db.total = error_db.total.min(of_light);
+            }
             IrradianceFigures {
                 name: header.rows.name().into(),
                 width: film.width,
@@ -173,11 +187,7 @@ impl Bake {
                 mean_rank: groups.iter().map(BlockLowRank::mean_rank).sum(),
                 bytes: groups.iter().map(BlockLowRank::n_bytes).sum(),
                 dense_bytes: CHANNELS * film.n_pixels() * self.header.basis.n_cols() * size_of::<f32>(),
-                // The columns of patches are measured against lamps that no bake knows, not against lights of the scene.
-                error_db: error_db(
-                    &groups[..groups.len() - usize::from(self.header.patches.is_some())],
-                    header.sharing_bias,
-                ),
+                error_db,
             }
         });
         figures.collect()

@@ -297,3 +297,63 @@ fn who_leaves_in_the_middle_of_a_block_is_not_sampled_for() {
     let flow = compress_by(guide, &matrix, &partition, &[0], &config, |_, _| panic!("nobody wants the block"));
     assert_eq!((flow, taken()), (Ok(ControlFlow::Break(())), 8));
 }
+
+/// Columns of [`OneNoisy`], and the one that has noise.
+const N_COLS: usize = 256;
+const NOISY: usize = 7;
+
+/// All 1; one column of many has noise.
+struct OneNoisy;
+
+impl SampledMatrix for OneNoisy {
+    fn n_rows(&self) -> usize {
+        32
+    }
+    fn n_cols(&self) -> usize {
+        N_COLS
+    }
+    fn bundle_len(&self) -> usize {
+        1
+    }
+    fn add_rows(
+        &self,
+        bundles: &[u32],
+        samples: Range<u32>,
+        half: Half,
+        out: &mut [f32],
+        _sparse: &mut Vec<SparseEntry>,
+    ) {
+        for sample in samples {
+            for (&bundle, out) in bundles.iter().zip(out.chunks_mut(N_COLS)) {
+                let key = u64::from(bundle) * 2 + u64::from(half == Half::B);
+                out.iter_mut().for_each(|x| *x += 1.0);
+                out[NOISY] += Random::new([key, u64::from(sample)]).normal();
+            }
+        }
+    }
+}
+
+#[test]
+fn a_noisy_column_that_is_all_of_a_product_does_not_hide_among_quiet_ones() {
+    fn n_samples(weight: impl Fn(usize) -> f32) -> u32 {
+        let group = ColumnGroup {
+            columns: 0..N_COLS,
+            tolerance: Tolerance::AbsoluteMeanSquare(2e-3),
+            preserved: (0..N_COLS).map(weight).collect(),
+            share: 1.0,
+            apart: 0.0,
+        };
+        let samples = SamplePlan { batch: 8, min: 4, max: 64 };
+        let config = CompressConfig { groups: vec![group], samples, ..CompressConfig::default() };
+        let mut found = 0;
+        let flow = compress(&OneNoisy, &Partition { width: 32, height: 1, tile: 32 }, &[0], &config, |_, factors| {
+            found = factors[0].n_samples;
+            ControlFlow::Continue(())
+        });
+        assert_eq!(flow, Ok(ControlFlow::Continue(())));
+        found
+    }
+    assert_eq!(n_samples(|_| 1.0), 8, "it is little beside all the others");
+    // It takes 250 samples of each half.
+    assert_eq!(n_samples(|col| f32::from(u8::from(col == NOISY))), 128, "it is all there is");
+}

@@ -159,9 +159,7 @@ fn check(header: &BakeHeader) -> Result<(), &'static str> {
     if header.column_scale.iter().any(|s| !s.is_finite() || *s <= 0.0) {
         return Err("its header has an impossible scale");
     }
-    let n_light_columns = basis.n_cols().saturating_sub(basis.patch_columns().map_or(0, |columns| columns.len()));
-    let error = &header.column_error;
-    if !(error.is_empty() || error.len() == n_light_columns) || error.iter().any(|e| !e.is_finite() || *e < 0.0) {
+    if !header.is_of_columns(&header.column_error) {
         return Err("its header has impossible errors of columns");
     }
     if header.sky_reach.iter().any(|reach| !reach.is_finite() || *reach < 0.0) {

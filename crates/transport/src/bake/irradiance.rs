@@ -48,7 +48,7 @@ impl BakeJob {
     pub(super) fn irradiance_header(&self, rows: &IrradianceRows, dark: &[u32], focus: &Focus) -> IrradianceHeader {
         let plan = MatrixPlan::without(&self.scene.lighting, Density::Full, dark_for(rows, dark));
         let (column_scale, sky_reach) = self.matrix(&plan, None, focus).of_irradiance(rows).measure_columns();
-        IrradianceHeader { rows: rows.clone(), column_scale, sky_reach, sharing_bias: None }
+        IrradianceHeader { rows: rows.clone(), column_scale, sky_reach, sharing_bias: None, column_error: Vec::new() }
     }
 }
 

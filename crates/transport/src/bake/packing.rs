@@ -16,9 +16,10 @@ impl Bake {
     /// share of the tolerance that packing may use, and say so in their errors.
     /// `None` if nobody wants it any more.
     pub(crate) fn packing(header: Arc<BakeHeader>, matrices: Vec<Vec<BlockLowRank>>, focus: &Focus) -> Option<Bake> {
-        let of_lights = |groups: &[BlockLowRank]| groups.len() - usize::from(header.patches.is_some());
-        let before =
-            matrices.first().and_then(|groups| BeforePacking::new(&groups[..of_lights(groups)], &header.basis));
+        let n_of_patches = usize::from(header.patches.is_some());
+        let of_lights = |groups: &[BlockLowRank]| groups.len() - n_of_patches;
+        let before: Vec<_> =
+            matrices.iter().map(|groups| BeforePacking::new(&groups[..of_lights(groups)], &header.basis)).collect();
         // Each group is dropped as soon as it is packed: most factors are never there twice.
         let pack =
             |(group, plan): (BlockLowRank, PackPlan)| (!focus.is_left()).then(|| PackedMatrix::pack(&group, &plan));
@@ -27,9 +28,15 @@ impl Bake {
         };
         let packed = matrices.into_iter().zip(header.pack_plans()).map(pack_all).collect::<Option<_>>()?;
         let mut bake = Bake::unpacking(header, packed).expect("what was just packed can be unpacked");
-        if let Some(before) = before {
-            let column_error = before.after(bake.groups_of_lights(), &bake.header.basis);
-            Arc::make_mut(&mut bake.header).column_error = column_error;
+        for (matrix, before) in before.into_iter().enumerate() {
+            let Some(before) = before else { continue };
+            let groups = if matrix == 0 { &bake.groups } else { &bake.irradiance[matrix - 1] };
+            let column_error = before.after(&groups[..of_lights(groups)], &bake.header.basis);
+            let header = Arc::make_mut(&mut bake.header);
+            match matrix {
+                0 => header.column_error = column_error,
+                _ => header.irradiance[matrix - 1].column_error = column_error,
+            }
         }
         Some(bake)
     }

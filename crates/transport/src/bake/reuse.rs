@@ -14,6 +14,7 @@ use super::focus::Focus;
 use super::grounds::{Grounds, serves};
 use super::{Bake, BakeConfig, BakeError, BakeEvent, BakeHeader, BakeJob, HalfDone};
 use crate::basis::{ColumnGroup, ColumnKind, LightBasis, LightSource};
+use crate::column_errors::BeforePacking;
 use crate::fingerprint::fingerprint;
 use crate::irradiance::{IrradianceHeader, IrradianceRows};
 use crate::skips::{Skip, Spared};
@@ -196,17 +197,23 @@ impl BakeJob {
         for (set, groups) in irradiance.into_iter().enumerate().filter(|(set, _)| !is_new(*set)) {
             there[1 + set] = groups;
         }
-        let Some((header, mut matrices)) = self.run_irradiance(header, there, done, focus, on_event)? else {
+        let Some((mut header, mut matrices)) = self.run_irradiance(header, there, done, focus, on_event)? else {
             return Ok(None);
         };
+        let n_of_lights = matrices[0].len() - usize::from(header.patches.is_some());
         let plans = header.pack_plans();
         let mut packed = Arc::unwrap_or_clone(packed.expect("a bake that was joined is packed"));
         for set in (0..reuse.sets.len()).filter(|set| is_new(*set)) {
             let matrix = 1 + set;
+            let before = BeforePacking::new(&matrices[matrix][..n_of_lights]);
             let pack = |(group, plan): (&BlockLowRank, &PackPlan)| PackedMatrix::pack(group, plan);
             packed[matrix] = matrices[matrix].iter().zip(&plans[matrix]).map(pack).collect();
             let unpack = |group: &PackedMatrix| group.unpack().expect("what was just packed can be unpacked");
             matrices[matrix] = packed[matrix].iter().map(unpack).collect();
+            if let Some(before) = before {
+                let column_error = before.after(&matrices[matrix][..n_of_lights], &header);
+                Arc::make_mut(&mut header).irradiance[set].column_error = column_error;
+            }
         }
         let groups = matrices.remove(0);
         Ok(Some(Bake { header, groups, irradiance: matrices, packed: Some(Arc::new(packed)) }))
@@ -407,6 +414,10 @@ impl Reuse {
             let of_new = new.map(|new| &new.irradiance[set]);
             header.irradiance[set].column_scale = gather(&old.column_scale, of_new.map(|new| &new.column_scale[..]));
             header.irradiance[set].sky_reach = reach(&old.sky_reach, of_new.map(|new| &new.sky_reach));
+            let is_told = |set: &IrradianceHeader| !set.column_error.is_empty();
+            let told = Some(old).filter(|old| is_told(old) && of_new.is_none_or(is_told));
+            header.irradiance[set].column_error = told
+                .map_or_else(Vec::new, |told| of_lights(&told.column_error, of_new.map(|new| &new.column_error[..])));
             let of_new = of_new.and_then(|new| new.sharing_bias);
             header.irradiance[set].sharing_bias = self.joined_bias(old.sharing_bias, of_new);
         }

@@ -1,18 +1,22 @@
 //! The sky that a scene was baked under is as sharp as a traced one, although the matrix has patches of it.
 
+use std::f64::consts::PI;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use clerestory_nystrom::BlockLowRank;
 use glam::Vec3;
 
 use super::pictures;
 use super::stage::{Stage, lambert, quad};
-use crate::bake::BakeConfig;
+use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
 use crate::basis::LightBasis;
 use crate::camera::{Camera, Film};
 use crate::emitters::SkyRequest;
 use crate::light::LightRig;
 use crate::matrix::CHANNELS;
 use crate::scene::Material;
+use crate::sensors::{IrradianceRequest, NodeGrid};
 use crate::sky::{Environment, SkyForm, SkyLight, SkySetting};
 
 const FILM: Film = Film { width: 48, height: 32 };
@@ -64,15 +68,19 @@ fn baked(stage: Stage, setting: Option<&SkySetting>, seed: u64) -> Vec<f64> {
     let config = BakeConfig { spp: 64, tolerance_db: 50.0, seed, ..BakeConfig::default() };
     let bake = pictures::baked(&scene, FILM, config);
     let rig = LightRig { sky: setting.cloned(), ..LightRig::default() };
-    let coefficients = bake.header.coefficients(&rig);
-    let mut pixels = vec![0.0; FILM.n_pixels()];
-    for (group, coefficients) in bake.groups_under(&rig).iter().zip(coefficients) {
+    blocks(&green(&bake.groups_under(&rig), bake.header.coefficients(&rig)))
+}
+
+/// Green light of each bundle of rows under one RGB coefficient per column and group.
+fn green(groups: &[BlockLowRank], coefficients: Vec<Vec<[f32; 3]>>) -> Vec<f64> {
+    let mut light = vec![0.0; groups[0].n_rows() / CHANNELS];
+    for (group, coefficients) in groups.iter().zip(coefficients) {
         let green: Vec<f32> = coefficients.iter().map(|rgb| rgb[1]).collect();
-        for (pixel, rows) in pixels.iter_mut().zip(group.apply(&green).chunks_exact(CHANNELS)) {
-            *pixel += f64::from(rows[1]);
+        for (light, rows) in light.iter_mut().zip(group.apply(&green).chunks_exact(CHANNELS)) {
+            *light += f64::from(rows[1]);
         }
     }
-    blocks(&pixels)
+    light
 }
 
 /// Root of the squared difference over the squared picture, free of noise: differences of two independent pairs.
@@ -118,4 +126,50 @@ fn factors_know_nothing_of_the_sky_that_the_camera_sees() {
     let basis = &scene.lighting.basis;
     let preserved = basis.file_light(&vec![2.0; basis.n_cols()]);
     assert!((preserved[290] - 0.5).abs() < 1e-6 && preserved[291] == 0.0);
+}
+
+/// An open plane under a sun of one pixel, baked with a grid of 4 × 4 points, and the lux that it has everywhere.
+fn plane_under_a_sun(spp: u32) -> (Bake, f64) {
+    let (width, height) = (500, 300);
+    let mut pixels = vec![[1e3; 3]; width * height];
+    pixels[75 * width + 305] = [5e8; 3];
+    let light = SkyLight::new("sun", Environment::new(width, height, pixels).unwrap().0).storable();
+    let known = f64::from(light.level_lx()[0]);
+    let camera = Camera::look_at("above", Vec3::Y * 3.0, Vec3::ZERO, 0.7, 1.0);
+    let plane = quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0);
+    let stage = Stage::new(camera.clone()).surface("plane", &plane, lambert(0.5, 0.0));
+    let scene = Arc::new(stage.prepared_under(&SkyRequest { light, form: SkyForm::Patches(1) }));
+    let nodes = vec![NodeGrid { node: "plane".into(), size: [4, 4] }];
+    let irradiance = IrradianceRequest { nodes, ..Default::default() }.rows(&scene).unwrap();
+    let config = BakeConfig { spp, tolerance_db: 50.0, ..BakeConfig::default() };
+    let (film, passes) = (Film { width: 8, height: 8 }, Passes::FinalOnly);
+    let job = BakeJob { scene, camera, film, config, passes, irradiance };
+    (job.run(|_| ControlFlow::Continue(())).unwrap().unwrap(), known)
+}
+
+/// Lux at the points of its grid.
+fn lux(bake: &Bake) -> Vec<f64> {
+    green(&bake.irradiance[0], bake.header.irradiance_coefficients(0, &LightRig::default()))
+}
+
+#[test]
+fn an_open_plane_under_a_sun_of_one_pixel_is_lit_evenly() {
+    let (bake, known) = plane_under_a_sun(256);
+    let rig = LightRig::default();
+    let radiance = green(&bake.groups_under(&rig), bake.header.coefficients(&rig));
+    let of_picture: Vec<f64> = radiance.into_iter().map(|nit| nit * PI / 0.5).collect();
+    for (what, all) in [("points", lux(&bake)), ("pixels", of_picture)] {
+        let off = all.iter().map(|lux| (lux / known - 1.0).abs()).fold(0.0, f64::max);
+        assert!(off < 0.03, "{what} are up to {:.1} % off {known} lx: {all:?}", 100.0 * off);
+    }
+}
+
+#[test]
+fn a_grid_tells_how_far_the_light_of_the_file_is_off() {
+    let (bake, known) = plane_under_a_sun(8);
+    let lux = lux(&bake);
+    let off = lux.iter().map(|lux| (lux / known - 1.0).powi(2)).sum::<f64>() / lux.len() as f64;
+    let (told, found) = (f64::from(bake.irradiance_figures()[0].error_db.total), -10.0 * off.log10());
+    // The mean over all columns, of which one has the noise, is some 24 dB better.
+    assert!((told - found).abs() < 12.0, "{told} dB told, {found} dB found: {lux:?} lx for {known}");
 }

@@ -71,6 +71,13 @@ impl Dome {
         ((band.sines[1] - band.sines[0]) * TAU / f64::from(band.n)) as f32
     }
 
+    /// Sines of the elevations between which a patch lies, the lower one first, and its edges around as shares of the circle.
+    pub(super) fn edges(&self, patch: u32) -> ([f64; 2], [f64; 2]) {
+        let band = self.band_of(patch);
+        let nth = patch - band.first;
+        (band.sines, [nth, nth + 1].map(|edge| f64::from(edge) / f64::from(band.n)))
+    }
+
     /// The patch that a unit direction lies in.
     pub fn patch(&self, direction: Vec3) -> u32 {
         self.place(direction).0

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::environment::direction_of_pixel;
+use super::environment::direction_at;
+use super::patch_sampler::PatchSampler;
 use super::{Dome, Environment, MapSampler, SUN_RADIUS_RAD, SkyLight, Turn};
 use crate::light::luminance;
 
@@ -65,61 +66,36 @@ impl MapEmitter {
 
 /// Patches of 1 nit, one column each, after them the column of the map as it is baked, and that of what the camera sees.
 ///
-/// Whoever looks towards a patch sees the map there as well: one direction serves both columns. Half of the directions of a
-/// patch are spread evenly, half as the map is bright, so that neither column has a sample of more than twice its weight.
+/// Whoever looks towards a patch sees the map there as well: one direction serves both columns. Where the map is about even over
+/// a patch, so are the directions. Else half of them are spread evenly, and half in proportion to the map, so that neither column
+/// has a sample of more than about twice its weight.
 #[derive(Clone, Debug)]
 pub struct DomeEmitter {
     /// The patches.
     pub dome: Dome,
     turned: TurnedMap,
-    /// Of each patch, summed shares of the map's light in its cells.
-    cells: Arc<Vec<[f32; N_CELLS]>>,
+    /// Of each patch that the map is not even over.
+    uneven: Arc<Vec<Option<PatchSampler>>>,
     /// Mean luminance of the map over each patch, nit.
     luminance: Arc<Vec<f32>>,
 }
 
-/// Cells along each side of a patch.
-const CELLS: usize = 16;
-const N_CELLS: usize = CELLS * CELLS;
-type Cells = Vec<[f32; N_CELLS]>;
-/// Rows of a map that are gone through at once.
-const ROWS_AT_ONCE: usize = 256;
+/// How many times as bright as in the mean a map may be in a patch that it is called even over: samples of less contrast are not
+/// worth a look into the map for each.
+const EVEN: f32 = 4.0;
 
 impl DomeEmitter {
     /// A dome for a sky as it is turned.
     pub fn new(divisions: u32, light: &SkyLight) -> DomeEmitter {
         let (dome, turned) = (Dome::new(divisions), TurnedMap::of(light));
-        let middle = |patch: u32, cell: usize| dome.direction(patch, place_in(cell, Vec2::splat(0.5)));
-        let bright = |patch: u32, cell: usize| luminance(turned.radiance(middle(patch, cell)));
-        let of_patch = |patch: u32| std::array::from_fn(|cell| bright(patch, cell));
-        let cells: Cells = (0..dome.n_patches()).into_par_iter().map(of_patch).collect();
-        // What lies between the middles of cells, such as a sun of few pixels.
         let TurnedMap { map, turn } = &turned;
-        let raised = |mut cells: Cells, (row, pixels): (usize, &[[f32; 3]])| {
-            for (pixel, rgb) in (row * map.width()..).zip(pixels) {
-                let toward = turn.world_from_sky(direction_of_pixel(pixel, map.width(), map.height()));
-                let (patch, within) = dome.place(toward);
-                let cell = &mut cells[patch as usize][cell_of(within)];
-                *cell = cell.max(luminance(Vec3::from(*rgb)));
-            }
-            cells
+        let luminances: Vec<f32> = dome.means(map, *turn).into_iter().map(|mean| luminance(Vec3::from(mean))).collect();
+        let of_patch = |patch: u32| {
+            let sampler = PatchSampler::new(map, *turn, &dome, patch);
+            (sampler.brightest() > EVEN * luminances[patch as usize]).then_some(sampler)
         };
-        let brighter = |mut a: Cells, b: Cells| {
-            a.as_flattened_mut().iter_mut().zip(b.as_flattened()).for_each(|(a, b)| *a = a.max(*b));
-            a
-        };
-        let rows = map.pixels().par_chunks(map.width()).enumerate().with_min_len(ROWS_AT_ONCE);
-        let mut cells = rows.fold(|| cells.clone(), raised).reduce(|| cells.clone(), brighter);
-        for cells in &mut cells {
-            let total: f64 = cells.iter().map(|&light| f64::from(light)).sum();
-            let mut sum = 0.0;
-            for (nth, cell) in cells.iter_mut().enumerate() {
-                sum += f64::from(*cell);
-                *cell = if total > 0.0 { (sum / total) as f32 } else { (nth + 1) as f32 / N_CELLS as f32 };
-            }
-        }
-        let luminances = dome.means(map, *turn).into_iter().map(|mean| luminance(Vec3::from(mean))).collect();
-        DomeEmitter { dome, turned, cells: Arc::new(cells), luminance: Arc::new(luminances) }
+        let uneven: Vec<_> = (0..dome.n_patches()).into_par_iter().map(of_patch).collect();
+        DomeEmitter { dome, turned, uneven: Arc::new(uneven), luminance: Arc::new(luminances) }
     }
 
     /// Radiance of the map as it is baked, from a unit direction, nit.
@@ -140,41 +116,30 @@ impl DomeEmitter {
 
     /// A unit direction in a patch and its solid-angle density.
     pub fn sample(&self, patch: u32, u: Vec2) -> (Vec3, f32) {
-        let within = if u.x < 0.5 {
-            Vec2::new(2.0 * u.x, u.y)
-        } else {
-            let cells = &self.cells[patch as usize];
-            let at = 2.0 * u.x - 1.0;
-            let cell = cells.partition_point(|&sum| sum <= at).min(N_CELLS - 1);
-            let before = if cell == 0 { 0.0 } else { cells[cell - 1] };
-            let across = ((at - before) / (cells[cell] - before).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-            place_in(cell, Vec2::new(across, u.y))
+        let direction = match &self.uneven[patch as usize] {
+            None => self.dome.direction(patch, u),
+            Some(_) if u.x < 0.5 => self.dome.direction(patch, Vec2::new(2.0 * u.x, u.y)),
+            Some(sampler) => {
+                let uv = sampler.sample(&self.turned.map, Vec2::new(2.0 * u.x - 1.0, u.y));
+                self.turned.turn.world_from_sky(direction_at(uv))
+            }
         };
-        (self.dome.direction(patch, within), self.density(patch, within))
+        (direction, self.density(patch, direction))
     }
 
     /// The patch that a unit direction lies in, and the solid-angle density of the direction among those of the patch.
     pub fn place(&self, direction: Vec3) -> (u32, f32) {
-        let (patch, within) = self.dome.place(direction);
-        (patch, self.density(patch, within))
+        let patch = self.dome.patch(direction);
+        (patch, self.density(patch, direction))
     }
 
-    fn density(&self, patch: u32, within: Vec2) -> f32 {
-        let (cells, cell) = (&self.cells[patch as usize], cell_of(within));
-        let share = cells[cell] - if cell == 0 { 0.0 } else { cells[cell - 1] };
-        0.5 * (1.0 + share * N_CELLS as f32) / self.dome.solid_angle(patch)
+    fn density(&self, patch: u32, direction: Vec3) -> f32 {
+        let even = 1.0 / self.dome.solid_angle(patch);
+        match &self.uneven[patch as usize] {
+            None => even,
+            Some(sampler) => 0.5 * (even + sampler.pdf(direction, luminance(self.radiance(direction)))),
+        }
     }
-}
-
-/// The cell of a patch that a place in it, 0…1, lies in.
-fn cell_of(within: Vec2) -> usize {
-    let [x, y] = (within * CELLS as f32).to_array().map(|at| (at as usize).min(CELLS - 1));
-    y * CELLS + x
-}
-
-/// The place in its patch, 0…1, of a place in a cell, 0…1.
-fn place_in(cell: usize, within: Vec2) -> Vec2 {
-    (Vec2::new((cell % CELLS) as f32, (cell / CELLS) as f32) + within) / CELLS as f32
 }
 
 /// A disk that sends 1 lx to what faces it, one column.
@@ -224,6 +189,7 @@ impl SunEmitter {
 mod tests {
     use super::*;
     use crate::sampler::Sampler;
+    use crate::sky::environment::uv_of;
 
     #[test]
     fn directions_of_the_sun_fill_its_disk_evenly() {
@@ -266,30 +232,69 @@ mod tests {
 
     #[test]
     fn directions_of_a_patch_fall_where_their_density_says() {
+        const CELLS: usize = 16;
+        const FINE: usize = 24;
         let ((emitter, brightest), n) = (dome_with_a_sun(), 20_000u32);
+        let place = |at: usize, side: usize| (Vec2::new((at % side) as f32, (at / side) as f32) + 0.5) / side as f32;
         for patch in [0, 17, 200, brightest, 289] {
-            let mut counts = [0.0; N_CELLS];
+            let mut counts = [0.0; CELLS * CELLS];
             for index in 0..n {
                 let (d, pdf) = emitter.sample(patch, Vec2::from(Sampler::new(3, u64::from(patch), index).next_2d()));
                 let (found, within) = emitter.dome.place(d);
-                // Rounding may carry a sample over the edge of its cell.
-                if found == patch && emitter.place(d) == (patch, pdf) {
-                    counts[cell_of(within)] += 1.0;
+                // Rounding may carry a sample over the edge of its patch.
+                if found == patch {
+                    assert_eq!(emitter.place(d), (patch, pdf));
+                    let [x, y] = (within * CELLS as f32).to_array().map(|at| (at as usize).min(CELLS - 1));
+                    counts[y * CELLS + x] += 1.0;
                 }
             }
             let lost = f64::from(n) - counts.iter().sum::<f64>();
-            assert!(lost < 0.01 * f64::from(n), "patch {patch}: {lost} samples beside their cell");
-            let (mut chi_square, mut total) = (0.0, 0.0);
-            for (cell, count) in counts.iter().enumerate() {
-                let share = emitter.density(patch, place_in(cell, Vec2::splat(0.5))) * emitter.dome.solid_angle(patch)
-                    / N_CELLS as f32;
-                let expected = f64::from(n) * f64::from(share);
-                chi_square += (count - expected) * (count - expected) / expected;
-                total += f64::from(share);
+            assert!(lost < 0.01 * f64::from(n), "patch {patch}: {lost} samples beside their patch");
+            let mut shares = [0.0; CELLS * CELLS];
+            for at in 0..(CELLS * FINE).pow(2) {
+                let within = place(at, CELLS * FINE);
+                let density = emitter.density(patch, emitter.dome.direction(patch, within));
+                let [x, y] = (within * CELLS as f32).to_array().map(|at| at as usize);
+                shares[y * CELLS + x] += f64::from(density * emitter.dome.solid_angle(patch));
             }
-            assert!((total - 1.0).abs() < 1e-4, "patch {patch}: {total}");
-            let freedom = N_CELLS as f64 - 1.0;
+            let per_cell = ((CELLS * FINE) as f64).powi(2);
+            let total = shares.iter().sum::<f64>() / per_cell;
+            assert!((total - 1.0).abs() < 0.01, "patch {patch}: {total}");
+            let expected = shares.map(|share| f64::from(n) * share / per_cell);
+            let chi_square: f64 = counts.iter().zip(expected).map(|(count, e)| (count - e) * (count - e) / e).sum();
+            let freedom = (CELLS * CELLS) as f64 - 1.0;
             assert!(chi_square < freedom + 6.0 * f64::sqrt(2.0 * freedom), "patch {patch}: {chi_square}");
+        }
+    }
+
+    #[test]
+    fn a_sun_of_one_pixel_is_worth_as_much_wherever_it_stands() {
+        let n = 256u32;
+        // Among them suns on an edge of a patch, and on a corner.
+        for place in [[0.5, 0.5], [0.5, 1.0], [0.0, 0.4], [0.0, 1.0], [0.31, 0.69]] {
+            let dome = Dome::new(1);
+            let toward = dome.direction(200, Vec2::from(place));
+            let mut pixels = vec![[1.0; 3]; 500 * 300];
+            let uv = uv_of(toward);
+            let (x, y) = ((uv.x * 500.0) as usize % 500, (uv.y * 299.0).round() as usize);
+            pixels[y * 500 + x] = [1e6; 3];
+            let map = Environment::new(500, 300, pixels).unwrap().0;
+            let means = map.cell_means();
+            let light: f64 =
+                means.iter().zip(0..).map(|(mean, at)| f64::from(mean[0]) * map.solid_angle(at / 500)).sum();
+            let emitter = DomeEmitter::new(1, &SkyLight::new("sun", map));
+            let (mut sum, mut most) = (0.0, 0.0f64);
+            for patch in 0..dome.n_patches() {
+                for index in 0..n {
+                    let (d, pdf) =
+                        emitter.sample(patch, Vec2::from(Sampler::new(5, u64::from(patch), index).next_2d()));
+                    let counts = f64::from(luminance(emitter.radiance(d)) / pdf);
+                    sum += counts / f64::from(n);
+                    most = most.max(counts);
+                }
+            }
+            assert!((sum / light - 1.0).abs() < 0.02, "{place:?}: {sum} for {light}");
+            assert!(most < 2.5 * light, "{place:?}: a sample of {most} for {light}");
         }
     }
 

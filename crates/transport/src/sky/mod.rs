@@ -15,6 +15,7 @@ mod codec;
 mod dome;
 mod emitter;
 mod environment;
+mod patch_sampler;
 mod picks;
 mod sampler;
 mod setting;

@@ -87,7 +87,7 @@ impl MapSampler {
 }
 
 /// Which of some stretches, given by their summed probabilities, a number falls into, and where in it, 0…1.
-fn pick(summed: &[f32], u: f32) -> (usize, f32) {
+pub(super) fn pick(summed: &[f32], u: f32) -> (usize, f32) {
     let u = u * summed.last().copied().unwrap_or(1.0);
     let at = summed.partition_point(|&sum| sum <= u).min(summed.len() - 1);
     let start = if at == 0 { 0.0 } else { summed[at - 1] };
