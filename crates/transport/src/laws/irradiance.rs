@@ -13,7 +13,7 @@ use crate::archive::{self, Restart};
 use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, Indirect, Passes};
 use crate::camera::{Camera, Film};
 use crate::irradiance::IrradianceRows;
-use crate::light::LightRig;
+use crate::light::{LightRig, LightSetting};
 use crate::matrix::{CHANNELS, TransportMatrix};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
@@ -263,7 +263,12 @@ fn all_rows(scene: &PreparedScene) -> Vec<IrradianceRows> {
 
 /// Green lux out of the factors of a bake.
 fn relit(bake: &Bake, set: usize) -> Vec<f64> {
-    let coefficients = bake.header.irradiance_coefficients(set, &LightRig::default());
+    relit_under(bake, set, &LightRig::default())
+}
+
+/// The same under a rig.
+fn relit_under(bake: &Bake, set: usize, rig: &LightRig) -> Vec<f64> {
+    let coefficients = bake.header.irradiance_coefficients(set, rig);
     let mut lux = vec![0.0; bake.header.irradiance_film(set).n_pixels()];
     for (group, coefficients) in bake.irradiance[set].iter().zip(coefficients) {
         let weights: Vec<f32> = coefficients.iter().map(|rgb| rgb[1]).collect();
@@ -300,6 +305,30 @@ fn baked_irradiance_is_what_was_sampled_and_leaves_the_picture_alone() {
         assert_eq!(figures[0].error_db.bias.is_some(), is_shared);
         assert_eq!((figures[1].name.as_str(), figures[1].width, figures[1].height), ("shelf", 18, 17));
         assert!(figures.iter().all(|f| f.error_db.total > 5.0 && f.bytes < f.dense_bytes), "{figures:?}");
+    }
+}
+
+#[test]
+fn one_lamp_of_a_grid_is_right_at_every_point_whatever_the_picture_may_lack() {
+    let lamp = Vec3::new(0.3, 0.5, -0.2);
+    let stage = Stage::new(above()).surface("table", &table(), lambert(0.5, 0.0));
+    let scene = Arc::new(stage.distant("sun", Vec3::NEG_Y, 100.0).lamp("lamp", lamp, 40.0).prepared());
+    let grid = on_table(&scene, "table", [16, 16]);
+    let mut job = job(&scene, vec![IrradianceRows::Grid(grid.clone())], Indirect::Traced);
+    job.config.tolerance_db = 24.0;
+    let bake = job.run(|_| ControlFlow::Continue(())).unwrap().unwrap();
+    let without = |key: &str| {
+        let setting = LightSetting { muted: true, ..LightSetting::default() };
+        let rig = LightRig { lights: [(key.to_owned(), setting)].into(), ..LightRig::default() };
+        relit_under(&bake, 0, &rig)
+    };
+    let (of_sun, of_lamp) = (without("lamp"), without("sun"));
+    let most = of_lamp.iter().copied().fold(0.0, f64::max);
+    for (number, (sun, lux)) in (0..).zip(of_sun.into_iter().zip(of_lamp)) {
+        assert!((sun - 100.0).abs() < 0.5, "{sun} lx of the sun at point {number}");
+        let to_lamp = lamp - grid.point(number).expect("every point of a table is measured");
+        let known = f64::from(40.0 * to_lamp.y / to_lamp.length().powi(3));
+        assert!((lux - known).abs() < 5e-3 * most, "{lux} lx of the lamp at point {number}, not {known}");
     }
 }
 
