@@ -160,7 +160,7 @@ impl Reader<'_> {
         if key.is_empty() || others.iter().any(|other| other.key == key) {
             bail!("`{}.key` is `{key}`; give each lamp a name of its own", self.name());
         }
-        if !object.contains_key("type") {
+        if object.get("type").is_none_or(Value::is_null) {
             return Err(self.lacks("type"));
         }
         let types = TYPES.map(|name| (name, name));
@@ -377,6 +377,7 @@ mod tests {
             ("\"type\": \"point\"", "`lamps[0].key` is missing"),
             ("\"key\": \"\", \"type\": \"point\"", "a name of its own"),
             ("\"key\": \"L\"", "`lamps[0].type` is missing"),
+            (&point.replace("\"point\"", "null"), "`lamps[0].type` is missing"),
             ("\"key\": \"L\", \"type\": \"point\", \"strength\": 1", "`lamps[0].position` is missing"),
             ("\"key\": \"L\", \"type\": \"point\", \"position\": [0, 0, 0]", "`lamps[0].strength` is missing"),
             (
