@@ -135,12 +135,18 @@ impl Look {
         let unknown = unknown.map(|node| {
             format!("the look makes `{node}` a panel, but this scene has no light of that name; it is ignored")
         });
+        let stand_ins = self.lights.lamps.iter().filter_map(|lamp| {
+            let replaced = lamp.replaces.as_ref().filter(|key| basis.source(key).is_none())?;
+            let key = &lamp.key;
+            Some(format!("the lamp `{key}` of the look replaces `{replaced}`, which this scene does not have"))
+        });
         basis
             .unheeded_keys(&self.lights)
             .into_iter()
             .filter(counts)
             .map(words)
             .chain(unknown)
+            .chain(stand_ins)
             .map(|words| self.renamed(&words))
             .collect()
     }

@@ -472,8 +472,19 @@ mod tests {
         let source = LightSource::plain("Lamp 1", SourceKind::Point, 0..1);
         let mut look = Look::default();
         look.lights.lamps = all();
+        look.lights.lamps.iter_mut().for_each(|lamp| lamp.replaces = None);
         let words = look.unheeded(&LightBasis::new(vec![source]));
         assert!(words.len() == 1 && words[0].contains("a lamp `Lamp 1`"), "{words:?}");
+    }
+
+    #[test]
+    fn a_lamp_that_replaces_a_light_which_is_not_there_is_told() {
+        let mut look = Look::default();
+        let stand_in =
+            |key: &str, replaced: &str| FreeLamp { replaces: Some(replaced.into()), ..lamp(key, LampShape::Point) };
+        look.lights.lamps = vec![stand_in("Moved", "Spot"), stand_in("Other", "Nope")];
+        let words = look.unheeded(&LightBasis::new(vec![LightSource::plain("Spot", SourceKind::Point, 0..1)]));
+        assert!(words.len() == 1 && words[0].contains("`Other` of the look replaces `Nope`"), "{words:?}");
     }
 
     #[test]
