@@ -78,6 +78,7 @@ fn scene_job(scene: &Path, args: &BakeArgs, look: &Look, console: &mut Console) 
     let view = open_view(scene, &asked, sky.as_ref(), console)?;
     let unheeded = Look { scene: look.scene.clone(), ..Look::default() }.unheeded(&view.scene.lighting.basis);
     console.warn_all(unheeded);
+    console.warn_all(direct_alone(look, args.options.patches));
     let mut request = requested(&args.irradiance);
     if request.of_file == OfFile::All && request.work_planes.is_empty() {
         let plane = look.scene.work_plane.as_ref().and_then(|plane| plane.on(&view.scene.scene, None));
@@ -87,6 +88,18 @@ fn scene_job(scene: &Path, args: &BakeArgs, look: &Look, console: &mut Console) 
     let rows = request.rows(&view.scene);
     let irradiance = rows.with_context(|| format!("cannot measure light in {}", scene.display()))?;
     Ok(BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) })
+}
+
+/// What is said of a look whose lamps a bake with so many patches will show by less than all of their light.
+fn direct_alone(look: &Look, n_patches: u32) -> Option<String> {
+    let n_lamps = look.lights.shining_lamps().len();
+    (n_patches == 0 && n_lamps > 0).then(|| {
+        let lamps = if n_lamps == 1 { "a lamp".into() } else { format!("{n_lamps} lamps") };
+        format!(
+            "the look has {lamps} of its own, which this bake will show by direct light alone, without what surfaces make of it; \
+             bake with --patches 4096 for that"
+        )
+    })
 }
 
 /// A bake, what it took, and the earlier one that it looked at.
@@ -469,6 +482,17 @@ mod tests {
             _ => ControlFlow::Continue(()),
         });
         assert!(stopped.unwrap().is_none());
+    }
+
+    #[test]
+    fn lamps_of_a_look_are_told_to_lack_what_surfaces_make_of_them_without_patches() {
+        let lamps = r#"{"clerestory": 1, "lamps": [
+            {"key": "a", "type": "point", "position": [0, 1, 0], "strength": 5},
+            {"key": "b", "type": "point", "position": [0, 1, 0], "strength": 5, "muted": true}]}"#;
+        let look = Look::from_json(lamps).unwrap().0;
+        let told = direct_alone(&look, 0).expect("one of them shines");
+        assert!(told.contains("a lamp of its own") && told.contains("--patches 4096"), "{told}");
+        assert_eq!((direct_alone(&look, 4096), direct_alone(&Look::default(), 0)), (None, None));
     }
 
     #[test]
