@@ -106,6 +106,8 @@ pub struct Figures {
     pub blocks: usize,
     /// Blocks that a time left as the preview made them, with shared and clamped indirect light.
     pub preview_blocks: usize,
+    /// Lamps that have a rank in common in each block of the picture instead of being kept apart; one alone may lack what is weak of it.
+    pub lamps_together: usize,
     /// Mean rank over blocks, summed over the groups of columns.
     pub mean_rank: f32,
     /// Highest rank of a block, summed over the groups of columns.
@@ -196,6 +198,7 @@ impl Bake {
             columns,
             blocks,
             preview_blocks: self.header.preview_blocks as usize,
+            lamps_together: self.header.n_lamps_together(),
             mean_rank: self.groups.iter().map(|g| g.mean_rank()).sum(),
             max_rank: (0..blocks).map(|block_idx| self.rank(block_idx)).max().unwrap_or(0),
             bytes,

@@ -350,7 +350,7 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         "pixels      {} with {columns}\n\
          blocks      {}, mean rank {:.2}, highest {}\n\
          size        {}{} in memory (dense {}, {:.1} times as large)\n\
-         error       {}{}{}{}{}{}{}",
+         error       {}{}{}{}{}{}{}{}",
         number("pixels"),
         number("blocks"),
         number("mean_rank"),
@@ -363,6 +363,7 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         preview_words(figures),
         block_words(&figures["block_error_db"], basis),
         column_words(&figures["column_error_db"]),
+        together_words(figures),
         reconstruction_words(&figures["reconstruction"]),
         patch_words(&figures["patches"]),
         skipped_words(&figures["skipped"]),
@@ -432,6 +433,15 @@ fn column_words(column_error_db: &Value) -> String {
     let worst: Vec<String> = column_error_db["worst"].as_array().into_iter().flatten().filter_map(word).collect();
     let Some(median) = column_error_db["median"].as_f64().filter(|_| !worst.is_empty()) else { return String::new() };
     format!("\nworst light {}; median of all columns {median:.1} dB, each below its own peak", worst.join(", "))
+}
+
+/// Lamps that are not kept apart, a line of its own; nothing where each is as it was sampled.
+fn together_words(figures: &Value) -> String {
+    let Some(n_lamps) = figures["lamps_together"].as_u64().filter(|n| *n > 0) else { return String::new() };
+    format!(
+        "\nlamps       {n_lamps} have a rank in common in each block: one alone may lack what is weak of it, or show squares; a higher \
+         --tolerance, more samples or fewer lamps help (up to 32 are kept apart where noise is taken out)"
+    )
 }
 
 /// What a bake found needless, a line for people; nothing where it found nothing.
@@ -529,6 +539,13 @@ mod tests {
         assert!(at >= begun + hour);
         assert_eq!(from_now(Passes::FinalOnly, Some(hour)), Passes::FinalOnly);
         assert_eq!(from_now(Passes::PreviewAndFinal, None), Passes::PreviewAndFinal);
+    }
+
+    #[test]
+    fn lamps_that_are_not_kept_apart_are_told_where_there_are_some() {
+        let told = |n_lamps: usize| together_words(&json!({ "lamps_together": n_lamps }));
+        assert!(told(64).starts_with("\nlamps       64 have a rank in common"), "{}", told(64));
+        assert_eq!(told(0) + &together_words(&json!({})), "");
     }
 
     #[test]
