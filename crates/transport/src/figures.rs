@@ -17,7 +17,7 @@ use crate::skips::Skip;
 pub struct ErrorDb {
     /// What the chosen ranks leave out: each half of the samples judged by the other. Of blocks that were smoothed what is left
     /// of the smoothed halves, and what smoothing is expected to lose; of lamps that are kept apart nothing. In a file with what
-    /// packing takes off.
+    /// packing takes off. Where noise leaves an estimate below nothing, its size is told: more than that may be left out unseen.
     pub truncation: f32,
     /// Sampling noise that stays in the factors; where pixels tell each other, as Stein's estimate has it.
     pub sampling: f32,
@@ -26,7 +26,7 @@ pub struct ErrorDb {
     /// Off by sharing indirect light, measured on pixels that were traced as well; `None` where all light was traced.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bias: Option<f32>,
-    /// All of them but the noise together.
+    /// All of them but the noise together; a truncation that is estimated below nothing does not count.
     pub total: f32,
 }
 
@@ -169,7 +169,8 @@ pub fn error_db(groups: &[BlockLowRank], bias: Option<f32>) -> ErrorDb {
     let truncation = sum[0].max(0.0);
     let biased = bias.map(|mean_square| f64::from(mean_square) * weight.max(1.0));
     ErrorDb {
-        truncation: db(truncation),
+        // What is below nothing is off by at least as much.
+        truncation: db(sum[0].abs()),
         sampling: db(sum[1]),
         noise: db(sum[2]),
         bias: biased.map(db),
@@ -287,5 +288,28 @@ impl Bake {
             converged_blocks: taken.iter().filter(|&&n| n < full).count(),
             samples_saved: if taken.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use clerestory_nystrom::{BlockError, BlockFactors, Partition};
+
+    use super::*;
+
+    #[test]
+    fn an_estimate_below_nothing_is_not_told_as_nothing() {
+        let of = |truncation: f32| {
+            let mut group = BlockLowRank::new(Partition { width: 4, height: 4, tile: 4 }, CHANNELS as u32, 2);
+            let error = BlockError { truncation, sampling: 1e-3, noise: 1e-2 };
+            group.blocks[0] = Some(Arc::new(BlockFactors { n_rows: 48, n_cols: 2, error, ..BlockFactors::default() }));
+            error_db(&[group], None)
+        };
+        let [above, none, below] = [1e-4, 0.0, -1e-4].map(of);
+        assert!((above.truncation - 40.0).abs() < 1e-3 && none.truncation == BEST_DB, "{above:?} {none:?}");
+        assert_eq!(below.truncation, above.truncation, "{below:?}");
+        assert_eq!(below.total, none.total, "{below:?}");
     }
 }
