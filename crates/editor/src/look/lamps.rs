@@ -478,13 +478,20 @@ mod tests {
     }
 
     #[test]
-    fn a_lamp_that_replaces_a_light_which_is_not_there_is_told() {
+    fn a_lamp_that_replaces_a_light_which_is_not_there_or_shines_is_told() {
         let mut look = Look::default();
         let stand_in =
             |key: &str, replaced: &str| FreeLamp { replaces: Some(replaced.into()), ..lamp(key, LampShape::Point) };
         look.lights.lamps = vec![stand_in("Moved", "Spot"), stand_in("Other", "Nope")];
-        let words = look.unheeded(&LightBasis::new(vec![LightSource::plain("Spot", SourceKind::Point, 0..1)]));
-        assert!(words.len() == 1 && words[0].contains("`Other` of the look replaces `Nope`"), "{words:?}");
+        let basis = LightBasis::new(vec![LightSource::plain("Spot", SourceKind::Point, 0..1)]);
+        let words = look.unheeded(&basis);
+        assert!(
+            words.len() == 2 && words[0].contains("`Moved` of the look replaces `Spot`, which shines"),
+            "{words:?}"
+        );
+        assert!(words[1].contains("`Other` of the look replaces `Nope`, which this scene does not have"), "{words:?}");
+        look.lights.lights.insert("Spot".into(), LightSetting { muted: true, ..LightSetting::default() });
+        assert_eq!(look.unheeded(&basis), words[1..].to_vec());
     }
 
     #[test]
