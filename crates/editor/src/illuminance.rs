@@ -13,6 +13,7 @@ use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sensors::SensorGrid;
 use glam::Vec3;
+use rayon::prelude::*;
 
 use crate::legend::number_words;
 use crate::marks::{Marks, Seen, weighed};
@@ -154,8 +155,11 @@ pub fn of_grid(
         added.lamps.as_ref().map_or(Vec3::ZERO, |(scene, lamps)| lamps.irradiance(scene, point, grid.normal, bounces))
     };
     let lux = |point: Vec3, rgb: &[f32; 3]| luminance((Vec3::from(*rgb) + straight(point)).to_array()).max(0.0);
-    let measured = |(number, rgb)| grid.point(number).map(|point| (point, lux(point, rgb)));
-    let points: Vec<(Vec3, f32)> = (0..).zip(&irradiance.pixels).filter_map(measured).collect();
+    let measured = |(number, rgb): (usize, &[f32; 3])| {
+        let point = grid.point(u32::try_from(number).ok()?)?;
+        Some((point, lux(point, rgb)))
+    };
+    let points: Vec<(Vec3, f32)> = irradiance.pixels.par_iter().enumerate().filter_map(measured).collect();
     if points.iter().any(|(_, lux)| !lux.is_finite()) {
         bail!("some sensors of `{}` read no finite number; check the intensities of the look", grid.name);
     }

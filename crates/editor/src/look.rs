@@ -31,6 +31,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use clerestory_transport::basis::{LightBasis, Unheeded};
 use clerestory_transport::camera::Camera;
+use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::LightRig;
 use serde_json::Value;
 
@@ -135,14 +136,30 @@ impl Look {
         let unknown = unknown.map(|node| {
             format!("the look makes `{node}` a panel, but this scene has no light of that name; it is ignored")
         });
+        let stand_ins = self.lights.lamps.iter().filter_map(|lamp| self.misplaced(lamp, basis));
         basis
             .unheeded_keys(&self.lights)
             .into_iter()
             .filter(counts)
             .map(words)
             .chain(unknown)
+            .chain(stand_ins)
             .map(|words| self.renamed(&words))
             .collect()
+    }
+
+    /// A sentence on a lamp that replaces no light of a scene, or one that shines as if nothing replaced it.
+    fn misplaced(&self, lamp: &FreeLamp, basis: &LightBasis) -> Option<String> {
+        let (key, replaced) = (&lamp.key, lamp.replaces.as_ref()?);
+        let words = format!("the lamp `{key}` of the look replaces `{replaced}`, which");
+        if basis.source(replaced).is_none() {
+            return Some(format!("{words} this scene does not have"));
+        }
+        // On the way from one look to another both may shine, each of them dimmed.
+        let is_untouched = !self.lights.lights.contains_key(replaced) && !self.lights.setting(replaced).muted;
+        (is_untouched && !lamp.setting.muted).then(|| {
+            format!("{words} shines as in the file beside it: mute that light in the look, or leave the lamp out")
+        })
     }
 
     /// Reads a file and the sky that it names, relative to its folder; see [`Look::from_json`].

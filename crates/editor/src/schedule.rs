@@ -75,6 +75,9 @@ pub struct Luminaire {
     pub kelvin: Option<f32>,
     /// Linear Rec. 709 color.
     pub color: Vec3,
+    /// Why its measured distribution cannot be had, in words.
+    #[serde(skip)]
+    pub unreadable: Option<String>,
 }
 
 /// All lamps, and what they sum up to.
@@ -126,6 +129,7 @@ impl Schedule {
                 direction: emitter.and_then(direction),
                 kelvin: setting.kelvin,
                 color: setting.tint(source.color),
+                unreadable: None,
             }
         };
         let lamps = look.lights.lit_lamps();
@@ -153,10 +157,13 @@ impl Schedule {
         self.shining().filter(|luminaire| luminaire.watt.is_none()).count()
     }
 
-    /// A sentence for each lamp that shines and tells no flux.
+    /// A sentence for each lamp that shines and tells no flux, with why its file cannot be read.
     pub fn untold(&self) -> Vec<String> {
-        let untold = self.shining().filter(|luminaire| luminaire.lumen.is_none());
-        untold.map(|luminaire| format!("`{}` tells no lumen and counts in no total", luminaire.key)).collect()
+        let words = |luminaire: &Luminaire| {
+            let untold = format!("`{}` tells no lumen and counts in no total", luminaire.key);
+            luminaire.unreadable.iter().fold(untold, |untold, why| format!("{untold}: {why}"))
+        };
+        self.shining().filter(|luminaire| luminaire.lumen.is_none()).map(words).collect()
     }
 
     /// Lumen per watt of all that shine and tell both.
@@ -209,7 +216,12 @@ fn of_lamp(lamp: &FreeLamp, look: &Look) -> Luminaire {
         LampShape::Profile { file } => Some(Path::new(file)),
         _ => None,
     };
-    let watts = file.and_then(|file| read_profile(file).ok()?.watts());
+    let profile = file.map(|file| read_profile(file).map_err(|why| format!("{}: {why}", file.display())));
+    let (watts, unreadable) = match profile {
+        Some(Ok(profile)) => (profile.watts(), None),
+        Some(Err(why)) => (None, Some(why)),
+        None => (None, None),
+    };
     Luminaire {
         key: lamp.key.clone(),
         name: look.name_of(&lamp.key).to_owned(),
@@ -223,6 +235,7 @@ fn of_lamp(lamp: &FreeLamp, look: &Look) -> Luminaire {
         direction: lamp.shape.is_aimed().then(|| (lamp.aim - lamp.position).normalize_or(Vec3::NEG_Y)),
         kelvin: lamp.setting.kelvin,
         color,
+        unreadable,
     }
 }
 
@@ -328,6 +341,22 @@ mod tests {
         let schedule = Schedule::new(&LightBasis::default(), None, &look, Some(80.0), None);
         assert!(schedule.luminaires.len() == 2 && schedule.luminaires.iter().all(|lamp| !lamp.is_on), "{schedule:?}");
         assert_eq!((schedule.n_unknown_watt(), schedule.untold().len()), (0, 0));
+    }
+
+    #[test]
+    fn a_lamp_whose_file_cannot_be_read_is_told_with_why() {
+        let folder = tempfile::tempdir().unwrap();
+        let [gone, wrong] = ["gone.ies", "wrong.ies"].map(|name| folder.path().join(name).display().to_string());
+        std::fs::write(&wrong, "no profile").unwrap();
+        let mut look = look();
+        for (lamp, file) in look.lights.lamps.iter_mut().zip([&gone, &wrong]) {
+            lamp.setting.muted = false;
+            lamp.shape = LampShape::Profile { file: file.clone() };
+        }
+        let untold = Schedule::new(&LightBasis::default(), None, &look, None, None).untold();
+        assert!(untold.len() == 2 && untold.iter().all(|words| words.contains("tells no lumen")), "{untold:?}");
+        assert!(untold[0].contains(&gone) && untold[0].contains("cannot be read"), "{untold:?}");
+        assert!(untold[1].contains(&wrong), "{untold:?}");
     }
 
     /// Lamps of the two luminaires of a maker, whose files state 1221 lm and 14 W, and 321 lm and 9 W.

@@ -94,6 +94,12 @@ fn frames_ask_for_no_scene_for_lamps_that_no_key_shows() {
     look["timeline"]["keys"][1]["look"] = "Party".into();
     std::fs::write(folder.join("party.look"), look.to_string()).unwrap();
     refused(folder, &frames("b_#.png"), "name the scene that was baked with --scene");
+    let spot = serde_json::json!({"type": "spot", "aim": [0, 0.2, 0], "outer_deg": 30});
+    let lamp = look["looks"].as_array_mut().unwrap().last_mut().unwrap()["lamps"][0].as_object_mut().unwrap();
+    lamp.extend(spot.as_object().unwrap().clone());
+    std::fs::write(folder.join("party.look"), look.to_string()).unwrap();
+    let told = run(folder, &[frames("c_#.png"), vec!["--scene", "room.gltf", "--json"]].concat());
+    assert!(told.contains("lamp `bulb` aims at itself"), "{told}");
 }
 
 #[test]

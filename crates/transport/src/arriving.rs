@@ -47,8 +47,8 @@ impl ArrivingPoints {
         Some(ArrivingPoints { points })
     }
 
-    /// What lamps send straight to each point with so many bounces, as [`PreparedLamps::irradiance`] has them, lux per channel, row by row
-    /// from the top left; `None` when `stop` asked to.
+    /// What lamps send straight to each point with so many bounces, as [`PreparedLamps::irradiance`] has them but by fewer points of each
+    /// lamp, lux per channel, row by row from the top left; `None` when `stop` asked to.
     pub fn irradiance(
         &self,
         scene: &PreparedScene,
@@ -57,7 +57,7 @@ impl ArrivingPoints {
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Option<Vec<[f32; 3]>> {
         whole(self.points.len(), stop, |pixel| {
-            let lux = |(position, normal)| lamps.irradiance(scene, position, normal, bounces);
+            let lux = |place| lamps.rough_irradiance(scene, place, bounces);
             self.points[pixel].map_or(Vec3::ZERO, lux).to_array()
         })
     }

@@ -763,17 +763,6 @@ impl BakeJob {
         }
     }
 
-    /// Columns of a group up to which a pass keeps it as it was sampled, at most so many.
-    fn n_lamps_apart(&self, most: usize) -> usize {
-        // A number and its doubt, 16 bits each.
-        let column_bytes = 4 * CHANNELS * self.film.n_pixels();
-        let groups = || self.scene.lighting.basis.groups.iter().filter(|group| apart(group.kind) > 0.0);
-        let lens = || groups().map(|group| group.columns.len());
-        let all_bytes = |most: usize| column_bytes * lens().filter(|len| *len <= most).sum::<usize>();
-        let fits = |most: &usize| all_bytes(*most) <= LAMPS_APART_BYTES;
-        (0..=most).rev().find(fits).unwrap_or(0)
-    }
-
     /// `column_scale` is that of the header: the light of the file comes out as it was sampled, whatever is truncated.
     fn compress_config(&self, samples_per_half: u32, tolerance_db: f32, column_scale: &[f32]) -> CompressConfig {
         let file_light = self.scene.lighting.basis.file_light(column_scale);
@@ -803,6 +792,31 @@ impl BakeJob {
             strong: BRIGHT,
             ..CompressConfig::default()
         }
+    }
+}
+
+/// Columns of a group up to which a pass over so many pixels keeps it as it was sampled, at most so many.
+fn n_lamps_apart(basis: &LightBasis, n_pixels: usize, most: usize) -> usize {
+    // A number and its doubt, 16 bits each.
+    let column_bytes = 4 * CHANNELS * n_pixels;
+    let groups = || basis.groups.iter().filter(|group| apart(group.kind) > 0.0);
+    let lens = || groups().map(|group| group.columns.len());
+    let all_bytes = |most: usize| column_bytes * lens().filter(|len| *len <= most).sum::<usize>();
+    let fits = |most: &usize| all_bytes(*most) <= LAMPS_APART_BYTES;
+    (0..=most).rev().find(fits).unwrap_or(0)
+}
+
+impl BakeHeader {
+    /// Lamps that have a rank in common in each block of the picture, as they are too many to be kept apart, or as nothing takes out noise:
+    /// what is weak or unsure of one alone may be left out there. 0 where there are none, and by other methods.
+    pub(crate) fn n_lamps_together(&self) -> usize {
+        if self.basis.is_measured() || self.config.method != Method::default() {
+            return 0;
+        }
+        let n_pixels = self.width as usize * self.height as usize;
+        let most = if self.config.denoise { n_lamps_apart(&self.basis, n_pixels, LAMPS_APART) } else { 0 };
+        let lens = self.basis.groups.iter().filter(|group| apart(group.kind) > 0.0).map(|group| group.columns.len());
+        lens.filter(|len| *len > most.max(1)).sum()
     }
 }
 
@@ -1073,7 +1087,7 @@ impl Run<'_> {
             }
         };
         let mut config = self.compression((samples, is_last), &header.column_scale, &partition);
-        config.verbatim = job.n_lamps_apart(self.most_lamps_apart(pass, samples.is_none()));
+        config.verbatim = self.n_lamps_apart(pass, samples.is_none());
         let mut of_patches = PatchBlocks::none(&header);
         if is_last && self.patches(&mut of_patches, (0, blocks), (pass, clock.done()), on_event)?.is_break() {
             return Ok(ControlFlow::Break(()));

@@ -17,7 +17,7 @@ use crate::skips::Skip;
 pub struct ErrorDb {
     /// What the chosen ranks leave out: each half of the samples judged by the other. Of blocks that were smoothed what is left
     /// of the smoothed halves, and what smoothing is expected to lose; of lamps that are kept apart nothing. In a file with what
-    /// packing takes off.
+    /// packing takes off. Where noise leaves an estimate below nothing, its size is told: more than that may be left out unseen.
     pub truncation: f32,
     /// Sampling noise that stays in the factors; where pixels tell each other, as Stein's estimate has it.
     pub sampling: f32,
@@ -26,7 +26,7 @@ pub struct ErrorDb {
     /// Off by sharing indirect light, measured on pixels that were traced as well; `None` where all light was traced.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bias: Option<f32>,
-    /// All of them but the noise together.
+    /// All of them but the noise together; a truncation that is estimated below nothing does not count.
     pub total: f32,
 }
 
@@ -106,6 +106,8 @@ pub struct Figures {
     pub blocks: usize,
     /// Blocks that a time left as the preview made them, with shared and clamped indirect light.
     pub preview_blocks: usize,
+    /// Lamps that have a rank in common in each block of the picture instead of being kept apart; one alone may lack what is weak of it.
+    pub lamps_together: usize,
     /// Mean rank over blocks, summed over the groups of columns.
     pub mean_rank: f32,
     /// Highest rank of a block, summed over the groups of columns.
@@ -167,7 +169,8 @@ pub fn error_db(groups: &[BlockLowRank], bias: Option<f32>) -> ErrorDb {
     let truncation = sum[0].max(0.0);
     let biased = bias.map(|mean_square| f64::from(mean_square) * weight.max(1.0));
     ErrorDb {
-        truncation: db(truncation),
+        // What is below nothing is off by at least as much.
+        truncation: db(sum[0].abs()),
         sampling: db(sum[1]),
         noise: db(sum[2]),
         bias: biased.map(db),
@@ -196,6 +199,7 @@ impl Bake {
             columns,
             blocks,
             preview_blocks: self.header.preview_blocks as usize,
+            lamps_together: self.header.n_lamps_together(),
             mean_rank: self.groups.iter().map(|g| g.mean_rank()).sum(),
             max_rank: (0..blocks).map(|block_idx| self.rank(block_idx)).max().unwrap_or(0),
             bytes,
@@ -284,5 +288,28 @@ impl Bake {
             converged_blocks: taken.iter().filter(|&&n| n < full).count(),
             samples_saved: if taken.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use clerestory_nystrom::{BlockError, BlockFactors, Partition};
+
+    use super::*;
+
+    #[test]
+    fn an_estimate_below_nothing_is_not_told_as_nothing() {
+        let of = |truncation: f32| {
+            let mut group = BlockLowRank::new(Partition { width: 4, height: 4, tile: 4 }, CHANNELS as u32, 2);
+            let error = BlockError { truncation, sampling: 1e-3, noise: 1e-2 };
+            group.blocks[0] = Some(Arc::new(BlockFactors { n_rows: 48, n_cols: 2, error, ..BlockFactors::default() }));
+            error_db(&[group], None)
+        };
+        let [above, none, below] = [1e-4, 0.0, -1e-4].map(of);
+        assert!((above.truncation - 40.0).abs() < 1e-3 && none.truncation == BEST_DB, "{above:?} {none:?}");
+        assert_eq!(below.truncation, above.truncation, "{below:?}");
+        assert_eq!(below.total, none.total, "{below:?}");
     }
 }

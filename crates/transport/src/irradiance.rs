@@ -120,10 +120,10 @@ impl BakeHeader {
     }
 
     /// Whether the groups of a matrix of irradiance have columns of patches: what surfaces make of the light of free lamps.
-    /// Older programs left them dark.
+    /// Previews and older programs left them dark without a sample; where samples found nothing that comes back, they are dark as well.
     pub fn holds_patches(&self, groups: &[BlockLowRank]) -> bool {
-        let is_lit = |group: &BlockLowRank| group.blocks.iter().flatten().any(|block| block.rank > 0);
-        self.patches.is_some() && groups.last().is_some_and(is_lit)
+        let is_sampled = |group: &BlockLowRank| group.blocks.iter().flatten().any(|block| block.n_samples > 0);
+        self.patches.is_some() && groups.last().is_some_and(is_sampled)
     }
 
     /// One RGB coefficient per column and group for a rig, as the factors of a matrix of irradiance take them.

@@ -78,6 +78,7 @@ fn scene_job(scene: &Path, args: &BakeArgs, look: &Look, console: &mut Console) 
     let view = open_view(scene, &asked, sky.as_ref(), console)?;
     let unheeded = Look { scene: look.scene.clone(), ..Look::default() }.unheeded(&view.scene.lighting.basis);
     console.warn_all(unheeded);
+    console.warn_all(direct_alone(look, args.options.patches));
     let mut request = requested(&args.irradiance);
     if request.of_file == OfFile::All && request.work_planes.is_empty() {
         let plane = look.scene.work_plane.as_ref().and_then(|plane| plane.on(&view.scene.scene, None));
@@ -87,6 +88,18 @@ fn scene_job(scene: &Path, args: &BakeArgs, look: &Look, console: &mut Console) 
     let rows = request.rows(&view.scene);
     let irradiance = rows.with_context(|| format!("cannot measure light in {}", scene.display()))?;
     Ok(BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) })
+}
+
+/// What is said of a look whose lamps a bake with so many patches will show by less than all of their light.
+fn direct_alone(look: &Look, n_patches: u32) -> Option<String> {
+    let n_lamps = look.lights.shining_lamps().len();
+    (n_patches == 0 && n_lamps > 0).then(|| {
+        let lamps = if n_lamps == 1 { "a lamp".into() } else { format!("{n_lamps} lamps") };
+        format!(
+            "the look has {lamps} of its own, which this bake will show by direct light alone, without what surfaces make of it; \
+             bake with --patches 4096 for that"
+        )
+    })
 }
 
 /// A bake, what it took, and the earlier one that it looked at.
@@ -337,7 +350,7 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         "pixels      {} with {columns}\n\
          blocks      {}, mean rank {:.2}, highest {}\n\
          size        {}{} in memory (dense {}, {:.1} times as large)\n\
-         error       {}{}{}{}{}{}{}",
+         error       {}{}{}{}{}{}{}{}",
         number("pixels"),
         number("blocks"),
         number("mean_rank"),
@@ -350,6 +363,7 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         preview_words(figures),
         block_words(&figures["block_error_db"], basis),
         column_words(&figures["column_error_db"]),
+        together_words(figures),
         reconstruction_words(&figures["reconstruction"]),
         patch_words(&figures["patches"]),
         skipped_words(&figures["skipped"]),
@@ -421,6 +435,15 @@ fn column_words(column_error_db: &Value) -> String {
     format!("\nworst light {}; median of all columns {median:.1} dB, each below its own peak", worst.join(", "))
 }
 
+/// Lamps that are not kept apart, a line of its own; nothing where each is as it was sampled.
+fn together_words(figures: &Value) -> String {
+    let Some(n_lamps) = figures["lamps_together"].as_u64().filter(|n| *n > 0) else { return String::new() };
+    format!(
+        "\nlamps       {n_lamps} have a rank in common in each block: one alone may lack what is weak of it, or show squares; a higher \
+         --tolerance, more samples or fewer lamps help (up to 32 are kept apart where noise is taken out)"
+    )
+}
+
 /// What a bake found needless, a line for people; nothing where it found nothing.
 fn skipped_words(skipped: &Value) -> String {
     let number = |name: &str| skipped[name].as_f64().unwrap_or(0.0);
@@ -472,6 +495,17 @@ mod tests {
     }
 
     #[test]
+    fn lamps_of_a_look_are_told_to_lack_what_surfaces_make_of_them_without_patches() {
+        let lamps = r#"{"clerestory": 1, "lamps": [
+            {"key": "a", "type": "point", "position": [0, 1, 0], "strength": 5},
+            {"key": "b", "type": "point", "position": [0, 1, 0], "strength": 5, "muted": true}]}"#;
+        let look = Look::from_json(lamps).unwrap().0;
+        let told = direct_alone(&look, 0).expect("one of them shines");
+        assert!(told.contains("a lamp of its own") && told.contains("--patches 4096"), "{told}");
+        assert_eq!((direct_alone(&look, 4096), direct_alone(&Look::default(), 0)), (None, None));
+    }
+
+    #[test]
     fn a_bake_within_a_time_starts_no_half_done_one_over() {
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("a.transport");
@@ -505,6 +539,13 @@ mod tests {
         assert!(at >= begun + hour);
         assert_eq!(from_now(Passes::FinalOnly, Some(hour)), Passes::FinalOnly);
         assert_eq!(from_now(Passes::PreviewAndFinal, None), Passes::PreviewAndFinal);
+    }
+
+    #[test]
+    fn lamps_that_are_not_kept_apart_are_told_where_there_are_some() {
+        let told = |n_lamps: usize| together_words(&json!({ "lamps_together": n_lamps }));
+        assert!(told(64).starts_with("\nlamps       64 have a rank in common"), "{}", told(64));
+        assert_eq!(told(0) + &together_words(&json!({})), "");
     }
 
     #[test]

@@ -10,7 +10,7 @@ use clerestory_transport::arriving::ArrivingPoints;
 use clerestory_transport::bake::{Bake, BakeHeader};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::import::Choice;
-use clerestory_transport::lamps::{FreeLamp, Lacking, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, KeptProfiles, Lacking, LampWarning, PreparedLamps};
 use clerestory_transport::light::LightRig;
 use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
@@ -22,6 +22,7 @@ use super::console::Console;
 use super::view::{View, import_scene, load_scene};
 use crate::illuminance::AddedLux;
 use crate::look::Look;
+use crate::look::fade::NEW;
 use crate::session::{as_baked, what_differs};
 use crate::words::lacking_words;
 
@@ -35,9 +36,25 @@ pub(super) const DEFAULT_SAMPLES: u32 = 32;
 /// The lamps of a look that shine.
 pub(super) fn prepared(lamps: &[FreeLamp], look: Option<&Path>, console: &mut Console) -> Result<PreparedLamps> {
     let folder = look.and_then(Path::parent);
-    let (lamps, warnings) = PreparedLamps::new(lamps, folder).context("the look has a lamp that cannot shine")?;
+    let (lamps, warnings) = PreparedLamps::new(lamps, folder).with_context(|| cannot_shine(lamps))?;
     console.warn_all(warnings);
     Ok(lamps)
+}
+
+/// What stands before why a lamp cannot shine. A moment of a timeline may have lamps that are called otherwise than in its file.
+fn cannot_shine(lamps: &[FreeLamp]) -> String {
+    let is_mixed = lamps.iter().any(|lamp| lamp.key.ends_with(NEW));
+    let names = if is_mixed { format!(" (`{NEW}` behind a name: of the look that comes up)") } else { String::new() };
+    format!("the look has a lamp that cannot shine{names}")
+}
+
+/// What is to know of lamps that shine, such as that one aims at itself; their files are named from the root. Of those that cannot shine is
+/// told elsewhere.
+pub(super) fn warn_of_remarks(lamps: &[FreeLamp], console: &mut Console) {
+    let mut kept = KeptProfiles::default();
+    for (_, warnings) in lamps.iter().filter_map(|lamp| PreparedLamps::of(lamp, &mut kept).ok()) {
+        console.warn_all(warnings.into_iter().map(LampWarning::into_words));
+    }
 }
 
 /// Options that were typed and are about lamps of looks.
@@ -273,4 +290,22 @@ pub(super) fn open(header: &BakeHeader, path: &Path, console: &mut Console) -> R
     let (scene, _) = PreparedScene::with_skips(scene, &[], None, header.skips)
         .with_context(|| format!("cannot prepare the scene {}", path.display()))?;
     Ok((scene, camera))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::look::fade::fade;
+
+    #[test]
+    fn a_lamp_that_two_looks_have_is_told_to_be_of_the_one_that_comes_up() {
+        let of = |kind: &str| {
+            let lamp = r#"{"key": "L", KIND, "position": [0, 1, 0], "strength": 5}"#.replace("KIND", kind);
+            Look::from_json(&format!("{{\"clerestory\": 1, \"lamps\": [{lamp}]}}")).unwrap().0
+        };
+        let [bulb, gone] = [of(r#""type": "point""#), of(r#""type": "ies", "file": "gone.ies", "aim": [0, 0, 0]"#)];
+        let words = |look: &Look| cannot_shine(&look.lights.lamps);
+        assert!(words(&fade(&bulb, &gone, 0.5, None)).contains("of the look that comes up"));
+        assert_eq!(words(&gone), "the look has a lamp that cannot shine");
+    }
 }

@@ -120,6 +120,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
         bounces: header.config.bounces,
         device: None,
     });
+    lamps::warn_of_remarks(&all, console);
     view.iter().for_each(|view| lamps::warn_of_lacking(&all, options.look.as_deref(), &view.scene, console));
     let mut stills = Stills::new(Arc::new(Subject { bake, view }), graphics);
     let (begun, n_frames, bar) = (Instant::now(), sequence.n_frames(), console.start_progress("frames"));

@@ -18,6 +18,9 @@ use super::{Display, Look};
 /// A spot that covers its panel: what a panel without spots shines like.
 const UNIFORM: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 100.0, color: None, intensity: 1.0 };
 
+/// Behind the key of a lamp that comes up while another one has that key.
+pub const NEW: &str = " (new)";
+
 /// What lies between two looks: `share` 0 is `a`, 1 is `b`. `basis` tells the colors that lights have in the file.
 pub fn fade(a: &Look, b: &Look, share: f32, basis: Option<&LightBasis>) -> Look {
     match share {
@@ -198,7 +201,7 @@ fn lamps(a: &[FreeLamp], b: &[FreeLamp], t: f32) -> Vec<FreeLamp> {
     for lamp in b.iter().filter(|lamp| !a.iter().any(|from| from.key == lamp.key && is_alike(from, lamp))) {
         let mut new = dimmed(lamp, t);
         while lamps.iter().any(|other| other.key == new.key) || a.iter().any(|other| other.key == new.key) {
-            new.key.push_str(" (new)");
+            new.key.push_str(NEW);
         }
         lamps.push(new);
     }

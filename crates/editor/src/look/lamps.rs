@@ -160,7 +160,7 @@ impl Reader<'_> {
         if key.is_empty() || others.iter().any(|other| other.key == key) {
             bail!("`{}.key` is `{key}`; give each lamp a name of its own", self.name());
         }
-        if !object.contains_key("type") {
+        if object.get("type").is_none_or(Value::is_null) {
             return Err(self.lacks("type"));
         }
         let types = TYPES.map(|name| (name, name));
@@ -377,6 +377,7 @@ mod tests {
             ("\"type\": \"point\"", "`lamps[0].key` is missing"),
             ("\"key\": \"\", \"type\": \"point\"", "a name of its own"),
             ("\"key\": \"L\"", "`lamps[0].type` is missing"),
+            (&point.replace("\"point\"", "null"), "`lamps[0].type` is missing"),
             ("\"key\": \"L\", \"type\": \"point\", \"strength\": 1", "`lamps[0].position` is missing"),
             ("\"key\": \"L\", \"type\": \"point\", \"position\": [0, 0, 0]", "`lamps[0].strength` is missing"),
             (
@@ -471,8 +472,26 @@ mod tests {
         let source = LightSource::plain("Lamp 1", SourceKind::Point, 0..1);
         let mut look = Look::default();
         look.lights.lamps = all();
+        look.lights.lamps.iter_mut().for_each(|lamp| lamp.replaces = None);
         let words = look.unheeded(&LightBasis::new(vec![source]));
         assert!(words.len() == 1 && words[0].contains("a lamp `Lamp 1`"), "{words:?}");
+    }
+
+    #[test]
+    fn a_lamp_that_replaces_a_light_which_is_not_there_or_shines_is_told() {
+        let mut look = Look::default();
+        let stand_in =
+            |key: &str, replaced: &str| FreeLamp { replaces: Some(replaced.into()), ..lamp(key, LampShape::Point) };
+        look.lights.lamps = vec![stand_in("Moved", "Spot"), stand_in("Other", "Nope")];
+        let basis = LightBasis::new(vec![LightSource::plain("Spot", SourceKind::Point, 0..1)]);
+        let words = look.unheeded(&basis);
+        assert!(
+            words.len() == 2 && words[0].contains("`Moved` of the look replaces `Spot`, which shines"),
+            "{words:?}"
+        );
+        assert!(words[1].contains("`Other` of the look replaces `Nope`, which this scene does not have"), "{words:?}");
+        look.lights.lights.insert("Spot".into(), LightSetting { muted: true, ..LightSetting::default() });
+        assert_eq!(look.unheeded(&basis), words[1..].to_vec());
     }
 
     #[test]

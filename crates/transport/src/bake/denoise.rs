@@ -10,7 +10,7 @@ use clerestory_nystrom::{BlockFactors, BlockLowRank, Denoiser, Partition};
 use rayon::prelude::*;
 
 use super::focus::Focus;
-use super::{BakeEvent, BakeJob, LAMPS_APART, LAMPS_APART_IN_PREVIEWS, Passes, Run};
+use super::{BakeEvent, BakeJob, LAMPS_APART, LAMPS_APART_IN_PREVIEWS, Passes, Run, n_lamps_apart};
 use crate::figures::error_db;
 use crate::guides::Guides;
 use crate::matrix::CHANNELS;
@@ -167,12 +167,14 @@ impl Run<'_> {
         self.job.config.denoise && (!is_last || self.job.config.method == Method::default())
     }
 
-    /// Columns of a group that a pass may keep as they were sampled: noise that is kept is taken out afterwards.
-    pub(super) fn most_lamps_apart(&self, pass: u32, is_preview: bool) -> usize {
-        if is_preview && self.job.passes == Passes::Progressive {
-            return LAMPS_APART_IN_PREVIEWS;
-        }
-        if self.is_denoised(pass == self.last) { LAMPS_APART } else { 0 }
+    /// Columns of a group up to which a pass keeps it as it was sampled: noise that is kept is taken out afterwards.
+    pub(super) fn n_lamps_apart(&self, pass: u32, is_preview: bool) -> usize {
+        let most = match () {
+            () if is_preview && self.job.passes == Passes::Progressive => LAMPS_APART_IN_PREVIEWS,
+            () if self.is_denoised(pass == self.last) => LAMPS_APART,
+            () => 0,
+        };
+        n_lamps_apart(&self.job.scene.lighting.basis, self.job.film.n_pixels(), most)
     }
 
     /// Says how exact the picture of a pass is.

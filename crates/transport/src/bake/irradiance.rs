@@ -12,7 +12,7 @@ use clerestory_nystrom::{BlockFactors, BlockLowRank, Denoiser, Guide, Likeness, 
 use super::clock::Clock;
 use super::focus::Focus;
 use super::patches::PatchBlocks;
-use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Indirect, Passes, Run};
+use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Indirect, Passes, Run, mean_square};
 use crate::figures::error_db;
 use crate::guides::Guides;
 use crate::irradiance::{IrradianceHeader, IrradianceRows, block_of, locate};
@@ -66,6 +66,21 @@ pub(super) struct IrradiancePass {
 
 /// Pixels of the picture for each point of a grid that is measured before the picture is refined.
 const PIXELS_PER_EARLY_POINT: usize = 4;
+
+/// Least tolerance of what is left out of factors of grids, dB: a twentieth of a percent of the peak of a light. Their points are read one
+/// by one, beside a lamp's own figures, and are few.
+const GRID_TOLERANCE_DB: f32 = 66.0;
+
+impl IrradianceRows {
+    /// Tolerance to which its factors are truncated and packed, where that of the picture is `tolerance_db`. Samples are asked for by that of
+    /// the picture.
+    pub(super) fn tolerance_of_factors(&self, tolerance_db: f32) -> f32 {
+        match self {
+            IrradianceRows::Pixels => tolerance_db,
+            IrradianceRows::Grid(_) => tolerance_db.max(GRID_TOLERANCE_DB),
+        }
+    }
+}
 
 /// How alike what arrives at pixels is expected to be: whatever the color of their surfaces.
 struct Arriving<'a>(&'a Guides);
@@ -285,7 +300,11 @@ impl Run<'_> {
             return Ok(ControlFlow::Break(()));
         }
         let partition = header.partitions().swap_remove(1 + own.set);
-        let config = self.compression((own.samples, own.samples.is_some()), column_scale, &partition);
+        let mut config = self.compression((own.samples, own.samples.is_some()), column_scale, &partition);
+        if own.samples.is_some() {
+            let finer_db = rows.tolerance_of_factors(job.config.tolerance_db) - job.config.tolerance_db;
+            config.groups.iter_mut().for_each(|group| group.share *= mean_square(finer_db));
+        }
         let mut of_patches = PatchBlocks::dark(&header, &partition);
         if own.samples.is_some() {
             let done = (pass, clock.done());

@@ -10,6 +10,7 @@ use super::patches::PATCH_TOLERANCE_DB;
 use super::{BRIGHT, Bake, BakeHeader, PackedMatrices, apart, mean_square, truncation_share};
 use crate::basis::{ColumnGroup, ColumnKind};
 use crate::column_errors::BeforePacking;
+use crate::irradiance::IrradianceHeader;
 
 impl Bake {
     /// A bake whose factors are what its file will hold: they differ from those of the blocks that were told of by the
@@ -54,17 +55,17 @@ impl Bake {
 impl BakeHeader {
     /// How each group of each matrix is packed.
     pub(crate) fn pack_plans(&self) -> Vec<Vec<PackPlan>> {
-        let allowed = |kind: ColumnKind| match kind {
+        let allowed = |kind: ColumnKind, tolerance_db: f32| match kind {
             ColumnKind::Patch => mean_square(PATCH_TOLERANCE_DB),
             // What a method without factors made is kept in full: it is off by the method alone, and by 16 bits.
             _ if self.config.method.without_factors().is_some() => 0.0,
-            kind => mean_square(self.config.tolerance_db) * truncation_share(kind),
+            kind => mean_square(tolerance_db) * truncation_share(kind),
         };
-        let of_matrix = |column_scale: &[f32]| {
+        let of_matrix = |column_scale: &[f32], tolerance_db: f32| {
             let file_light = self.basis.file_light(column_scale);
             let plan = |group: &ColumnGroup| PackPlan {
                 columns: self.basis.runs(group),
-                allowed: allowed(group.kind),
+                allowed: allowed(group.kind, tolerance_db),
                 strong: BRIGHT,
                 // Pictures are compressed together.
                 apart: if self.basis.is_measured() { 0.0 } else { apart(group.kind) },
@@ -72,7 +73,9 @@ impl BakeHeader {
             };
             self.basis.groups.iter().map(plan).collect()
         };
-        let of_irradiance = self.irradiance.iter().map(|set| of_matrix(&set.column_scale));
-        std::iter::once(of_matrix(&self.column_scale)).chain(of_irradiance).collect()
+        let tolerance_db = self.config.tolerance_db;
+        let of_set = |set: &IrradianceHeader| of_matrix(&set.column_scale, set.rows.tolerance_of_factors(tolerance_db));
+        let of_irradiance = self.irradiance.iter().map(of_set);
+        std::iter::once(of_matrix(&self.column_scale, tolerance_db)).chain(of_irradiance).collect()
     }
 }

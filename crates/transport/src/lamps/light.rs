@@ -102,6 +102,22 @@ impl Lamp {
         }
     }
 
+    /// The same by points in strata of the unit square: those of a disk stay strata of its area as long as they are far enough apart for that.
+    pub(crate) fn lit_by_strata(&self, position: Vec3, u: Vec2, far: f32) -> Option<Lit> {
+        match &self.form {
+            Form::Body(Body::Disk { .. }) if !self.is_body_within(1.0, position) => self.lit(position, u, far),
+            _ => self.lit_well(position, u, far),
+        }
+    }
+
+    /// Width over height of what [`Lamp::point`] takes points of.
+    pub(crate) fn aspect(&self) -> f32 {
+        match &self.form {
+            Form::Body(Body::Rectangle { half: [u, v], .. }) => u.length() / v.length(),
+            _ => 1.0,
+        }
+    }
+
     /// Whether a body fills so much of the view that its parts are at different distances.
     pub(crate) fn is_near(&self, position: Vec3) -> bool {
         self.is_body_within(NEAR, position)

@@ -133,8 +133,28 @@ const MOST_TURN_DEG: f32 = 360.001;
 const MOST_ANGLE_DEG: f32 = 90.001;
 /// Points of a lamp with a size of which irradiance is the mean: as many as a fan has.
 const POINTS: usize = 16;
+/// The same for places that are few and read one by one, by strata along both sides of the lamp.
+const STRATA: usize = 256;
 /// The same of a lamp that is seen under a small angle: of many patches few see part of it.
 const FEW_POINTS: usize = 4;
+
+/// How the points are spread of which the light of a lamp with a size is the mean.
+#[derive(Clone, Copy, Debug)]
+enum Spread {
+    /// So many of a fixed pattern, [`POINTS`] at most.
+    Lattice(usize),
+    /// The middle of each of [`STRATA`] parts, by the lengths of the sides.
+    Strata,
+}
+
+impl Spread {
+    fn n_points(self) -> usize {
+        match self {
+            Spread::Lattice(n_points) => n_points,
+            Spread::Strata => STRATA,
+        }
+    }
+}
 
 impl PreparedLamps {
     /// Checks lamps and converts their units; those that are dark are left out, and of muted ones no file is read. Paths of
@@ -194,9 +214,24 @@ impl PreparedLamps {
     /// What the lamps send straight to a place on a surface, past everything in the way: illuminance per channel in lux.
     /// The same for the same question. Faces of solid panes count as `bounces`, of which there is no limit by `None`.
     pub fn irradiance(&self, scene: &PreparedScene, position: Vec3, normal: Vec3, bounces: Option<u32>) -> Vec3 {
+        self.irradiance_by(scene, (position, normal), bounces, Spread::Strata)
+    }
+
+    /// The same by few points of each lamp, for very many places.
+    pub(crate) fn rough_irradiance(&self, scene: &PreparedScene, place: (Vec3, Vec3), bounces: Option<u32>) -> Vec3 {
+        self.irradiance_by(scene, place, bounces, Spread::Lattice(POINTS))
+    }
+
+    fn irradiance_by(
+        &self,
+        scene: &PreparedScene,
+        (position, normal): (Vec3, Vec3),
+        bounces: Option<u32>,
+        spread: Spread,
+    ) -> Vec3 {
         let most_slabs = most_in_a_row(bounces.unwrap_or(u32::MAX));
         let place = Place { most_slabs, ..Place::new(scene, position, normal) };
-        self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, &place, POINTS, |_| 1.0)).sum()
+        self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, &place, spread, |_| 1.0)).sum()
     }
 
     /// The same on a point of a patch, light of each direction by what its surface makes of it.
@@ -239,16 +274,16 @@ impl PreparedLamp {
     pub(super) fn light_on(&self, scene: &PreparedScene, sample: &PatchSample) -> Vec3 {
         let place = Place::new(scene, sample.position, sample.normal);
         let n_points = if self.lamp.is_small_at(sample.position) { FEW_POINTS } else { POINTS };
-        self.emission * self.arriving(scene, &place, n_points, |cos| sample.response(cos))
+        self.emission * self.arriving(scene, &place, Spread::Lattice(n_points), |cos| sample.response(cos))
     }
 
-    /// Illuminance at emission 1, light of each direction times a response to its cosine; of a lamp with a size by some of its points, [`POINTS`] at most.
-    fn arriving(&self, scene: &PreparedScene, place: &Place, n_points: usize, response: impl Fn(f32) -> f32) -> Vec3 {
-        let straight = self.arriving_straight(scene, place, n_points, &response);
+    /// Illuminance at emission 1, light of each direction times a response to its cosine; of a lamp with a size by some of its points.
+    fn arriving(&self, scene: &PreparedScene, place: &Place, spread: Spread, response: impl Fn(f32) -> f32) -> Vec3 {
+        let straight = self.arriving_straight(scene, place, spread, &response);
         if scene.slabs.is_empty() || place.most_slabs == 0 {
             return straight;
         }
-        straight + self.arriving_through_slabs(scene, place, n_points, &response)
+        straight + self.arriving_through_slabs(scene, place, spread, &response)
     }
 
     /// What of it comes through solid panes, which shift it.
@@ -256,12 +291,12 @@ impl PreparedLamp {
         &self,
         scene: &PreparedScene,
         &Place { position, normal, origin, far, most_slabs }: &Place,
-        n_points: usize,
+        spread: Spread,
         response: impl Fn(f32) -> f32,
     ) -> Vec3 {
-        let n_points = if self.lamp.has_size() { n_points } else { 1 };
+        let n_points = if self.lamp.has_size() { spread.n_points() } else { 1 };
         let of_point = |nth: usize| {
-            let u = self.spread(nth, n_points);
+            let u = self.point_of(nth, spread);
             let way = self.lamp.through(&scene.slabs, (position, far), u, |wi| wi.dot(normal) > 0.0).way?;
             if way.route.slabs().len() > most_slabs {
                 return None;
@@ -275,11 +310,16 @@ impl PreparedLamp {
         (0..n_points).filter_map(of_point).sum::<Vec3>() / n_points as f32
     }
 
-    /// One of so many points of the unit square, which stand for points of the lamp. A disk far away looks alike from everywhere: there
+    /// One of the points of the unit square which stand for points of the lamp. A disk far away looks alike from everywhere: there
     /// they have even steps from its middle to its rim, which bring a surface that faces it all of its lux.
-    fn spread(&self, nth: usize, n_points: usize) -> Vec2 {
-        let u = lattice(nth as u32);
-        if self.lamp.is_beyond() { Vec2::new((nth as f32 + 0.5) / n_points as f32, u.y) } else { u }
+    fn point_of(&self, nth: usize, spread: Spread) -> Vec2 {
+        match spread {
+            Spread::Strata => stratum(nth, self.lamp.aspect()),
+            Spread::Lattice(n_points) => {
+                let u = lattice(nth as u32);
+                if self.lamp.is_beyond() { Vec2::new((nth as f32 + 0.5) / n_points as f32, u.y) } else { u }
+            }
+        }
     }
 
     /// What of it comes straight.
@@ -287,7 +327,7 @@ impl PreparedLamp {
         &self,
         scene: &PreparedScene,
         place: &Place,
-        n_points: usize,
+        spread: Spread,
         response: impl Fn(f32) -> f32,
     ) -> Vec3 {
         let &Place { position, normal, origin, far, .. } = place;
@@ -297,20 +337,29 @@ impl PreparedLamp {
             let value = lit.factor * cos * response(cos);
             return if cos > 0.0 { scene.transmittance(origin, lit.target) * value } else { Vec3::ZERO };
         }
-        let (mut targets, mut values, mut n) = ([Vec3::ZERO; POINTS], [0.0; POINTS], 0);
-        for nth in 0..n_points {
-            let Some(lit) = self.lamp.lit_well(position, self.spread(nth, n_points), far) else { continue };
-            let cos = lit.wi.dot(normal);
-            if cos > 0.0 {
-                (targets[n], values[n]) = (lit.target, lit.factor * cos * response(cos));
-                n += 1;
+        let (n_points, mut sum) = (spread.n_points(), Vec3::ZERO);
+        for first in (0..n_points).step_by(POINTS) {
+            let (mut targets, mut values, mut n) = ([Vec3::ZERO; POINTS], [0.0; POINTS], 0);
+            for nth in first..n_points.min(first + POINTS) {
+                let u = self.point_of(nth, spread);
+                let lit = match spread {
+                    Spread::Lattice(_) => self.lamp.lit_well(position, u, far),
+                    Spread::Strata => self.lamp.lit_by_strata(position, u, far),
+                };
+                let Some(lit) = lit else { continue };
+                let cos = lit.wi.dot(normal);
+                if cos > 0.0 {
+                    (targets[n], values[n]) = (lit.target, lit.factor * cos * response(cos));
+                    n += 1;
+                }
             }
+            let mut passed = [Vec3::ZERO; POINTS];
+            if n > 0 {
+                scene.transmittance16(origin, &targets, n, &mut passed);
+            }
+            sum += (0..n).map(|i| passed[i] * values[i]).sum::<Vec3>();
         }
-        let mut passed = [Vec3::ZERO; POINTS];
-        if n > 0 {
-            scene.transmittance16(origin, &targets, n, &mut passed);
-        }
-        (0..n).map(|i| passed[i] * values[i]).sum::<Vec3>() / n_points as f32
+        sum / n_points as f32
     }
 }
 
@@ -319,6 +368,17 @@ pub(crate) fn lattice(nth: u32) -> Vec2 {
     const STEP: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
     let unit = |step: u32| (nth.wrapping_mul(step).wrapping_add(1 << 31) >> 8) as f32 / 16_777_216.0;
     Vec2::new(unit(STEP[0]), unit(STEP[1]))
+}
+
+/// One of [`STRATA`] points of the unit square, which stands for an area `aspect` times as wide as it is high: the middles of cells that are
+/// about square there. Points anywhere within their cells bring ten times the error where nothing is in the way.
+fn stratum(nth: usize, aspect: f32) -> Vec2 {
+    let most = STRATA.ilog2() as f32;
+    let n_across = 1_usize << (0.5 * (most + aspect.log2())).round().clamp(0.0, most) as u32;
+    let n_down = STRATA / n_across;
+    let (column, row) = (nth % n_across, nth / n_across);
+    let middle = |cell: usize, n_cells: usize| (cell as f32 + 0.5) / n_cells as f32;
+    Vec2::new(middle(column, n_across), middle(row, n_down))
 }
 
 fn prepare(

@@ -107,6 +107,20 @@ fn blocks_are_smoothed_unless_they_are_asked_for_as_they_are() {
 }
 
 #[test]
+fn lamps_that_are_not_kept_apart_are_counted() {
+    let together = |n_lamps: usize, denoise: bool| {
+        let job = job(2, denoise);
+        let walls = Stage::new(job.camera.clone()).surface("walls", &room(Vec3::ONE), lambert(0.6, 0.0));
+        let place = |nth: usize| Vec3::new(0.05 * nth as f32 - 0.8, 0.5, -0.3);
+        let stage = (0..n_lamps).fold(walls, |stage, nth| stage.lamp(&format!("lamp {nth}"), place(nth), 1.0));
+        let film = Film { width: 16, height: 12 };
+        baked(BakeJob { scene: Arc::new(stage.prepared()), film, ..job }).figures().lamps_together
+    };
+    assert_eq!([together(32, true), together(33, true)], [0, 33]);
+    assert_eq!([together(1, false), together(2, false)], [0, 2], "without denoising a rank takes out noise");
+}
+
+#[test]
 fn a_bake_that_goes_on_is_denoised_as_one_that_was_never_stopped() {
     let whole = baked(job(8, true));
     let header = whole.header.clone();

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use clerestory_nystrom::{BlockLowRank, Half, SampledMatrix};
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
 use super::stage::{Stage, lambert, pane, quad, room, tint};
 use super::walks::{Mean, assert_same_mean, file_light};
@@ -13,7 +13,9 @@ use crate::archive::{self, Restart};
 use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, Indirect, Passes};
 use crate::camera::{Camera, Film};
 use crate::irradiance::IrradianceRows;
-use crate::light::LightRig;
+use crate::lamps::tests::lamp;
+use crate::lamps::{Body, FreeLamp, LampShape, PreparedLamps};
+use crate::light::{LightRig, LightSetting};
 use crate::matrix::{CHANNELS, TransportMatrix};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
@@ -66,6 +68,38 @@ fn a_lamp_gives_its_candela_times_cosine_over_squared_distance() {
         let to_lamp = lamp - grid.point(number).expect("every point of a table is measured");
         let known = f64::from(40.0 * to_lamp.y / to_lamp.length().powi(3));
         assert!((lux - known).abs() < 1e-4 * known, "{lux} lx at point {number}, not {known}");
+    }
+}
+
+#[test]
+fn flat_lamps_of_a_look_bring_every_point_of_a_grid_what_their_parts_send() {
+    const SIDE: usize = 128;
+    let scene = Stage::new(above()).surface("table", &table(), lambert(0.5, 0.0)).prepared();
+    let grid = on_table(&scene, "table", [9, 7]);
+    for (shape, height) in [
+        (LampShape::Rectangle { size_m: [1.2, 0.06] }, 2.0),
+        (LampShape::Rectangle { size_m: [0.04, 1.5] }, 1.2),
+        (LampShape::Rectangle { size_m: [1.2, 0.6] }, 0.5),
+        (LampShape::Disk { radius_m: 0.4 }, 0.5),
+    ] {
+        let free = FreeLamp { position: Vec3::Y * height, ..lamp(shape) };
+        let (body, _) = Body::of(&free).expect("it has a size");
+        let lamps = PreparedLamps::new(std::slice::from_ref(&free), None).expect("a lamp").0;
+        let nit = f64::from(lamps.emission("lamp").expect("it shines").y);
+        let middle = |cell: usize| (cell as f32 + 0.5) / SIDE as f32;
+        let parts =
+            (0..SIDE * SIDE).map(|cell| body.sample(Vec2::new(middle(cell % SIDE), middle(cell / SIDE))).position);
+        let parts: Vec<Vec3> = parts.collect();
+        for point in (0..63).map(|number| grid.point(number).expect("every point of a table is measured")) {
+            // The lamp looks down on a level grid: both cosines are its height over the distance.
+            let of_part = |part: &Vec3| {
+                let to_part = part.as_dvec3() - point.as_dvec3();
+                to_part.y.powi(2) / to_part.length_squared().powi(2)
+            };
+            let known = nit * f64::from(body.area()) * parts.iter().map(of_part).sum::<f64>() / (SIDE * SIDE) as f64;
+            let lux = f64::from(lamps.irradiance(&scene, point, Vec3::Y, None).y);
+            assert!((lux - known).abs() < 0.01 * known, "{:?}: {lux} lx at {point}, not {known}", free.shape);
+        }
     }
 }
 
@@ -263,7 +297,12 @@ fn all_rows(scene: &PreparedScene) -> Vec<IrradianceRows> {
 
 /// Green lux out of the factors of a bake.
 fn relit(bake: &Bake, set: usize) -> Vec<f64> {
-    let coefficients = bake.header.irradiance_coefficients(set, &LightRig::default());
+    relit_under(bake, set, &LightRig::default())
+}
+
+/// The same under a rig.
+fn relit_under(bake: &Bake, set: usize, rig: &LightRig) -> Vec<f64> {
+    let coefficients = bake.header.irradiance_coefficients(set, rig);
     let mut lux = vec![0.0; bake.header.irradiance_film(set).n_pixels()];
     for (group, coefficients) in bake.irradiance[set].iter().zip(coefficients) {
         let weights: Vec<f32> = coefficients.iter().map(|rgb| rgb[1]).collect();
@@ -300,6 +339,30 @@ fn baked_irradiance_is_what_was_sampled_and_leaves_the_picture_alone() {
         assert_eq!(figures[0].error_db.bias.is_some(), is_shared);
         assert_eq!((figures[1].name.as_str(), figures[1].width, figures[1].height), ("shelf", 18, 17));
         assert!(figures.iter().all(|f| f.error_db.total > 5.0 && f.bytes < f.dense_bytes), "{figures:?}");
+    }
+}
+
+#[test]
+fn one_lamp_of_a_grid_is_right_at_every_point_whatever_the_picture_may_lack() {
+    let lamp = Vec3::new(0.3, 0.5, -0.2);
+    let stage = Stage::new(above()).surface("table", &table(), lambert(0.5, 0.0));
+    let scene = Arc::new(stage.distant("sun", Vec3::NEG_Y, 100.0).lamp("lamp", lamp, 40.0).prepared());
+    let grid = on_table(&scene, "table", [16, 16]);
+    let mut job = job(&scene, vec![IrradianceRows::Grid(grid.clone())], Indirect::Traced);
+    job.config.tolerance_db = 24.0;
+    let bake = job.run(|_| ControlFlow::Continue(())).unwrap().unwrap();
+    let without = |key: &str| {
+        let setting = LightSetting { muted: true, ..LightSetting::default() };
+        let rig = LightRig { lights: [(key.to_owned(), setting)].into(), ..LightRig::default() };
+        relit_under(&bake, 0, &rig)
+    };
+    let (of_sun, of_lamp) = (without("lamp"), without("sun"));
+    let most = of_lamp.iter().copied().fold(0.0, f64::max);
+    for (number, (sun, lux)) in (0..).zip(of_sun.into_iter().zip(of_lamp)) {
+        assert!((sun - 100.0).abs() < 0.5, "{sun} lx of the sun at point {number}");
+        let to_lamp = lamp - grid.point(number).expect("every point of a table is measured");
+        let known = f64::from(40.0 * to_lamp.y / to_lamp.length().powi(3));
+        assert!((lux - known).abs() < 5e-3 * most, "{lux} lx of the lamp at point {number}, not {known}");
     }
 }
 

@@ -225,6 +225,16 @@ fn in_a_closed_room_of_even_light_arrives_what_its_albedo_says() {
 }
 
 #[test]
+fn where_nothing_comes_back_the_columns_of_patches_are_there_and_dark() {
+    let floor = quad(Vec3::new(-2.0, -HALF.y, 1.5), Vec3::X * 4.0, Vec3::NEG_Z * 3.0);
+    let bake = baked_with_irradiance(&Arc::new(walled(&floor, 0.6).prepared()), 8, 64);
+    let of_patches = bake.irradiance[0].last().expect("a group of patches");
+    assert!(of_patches.blocks.iter().flatten().all(|block| block.rank == 0), "nothing sends light to the floor");
+    assert!(bake.header.holds_patches(&bake.irradiance[0]));
+    assert!(!bake.header.holds_patches(&bake.header.empty_irradiance()[0]));
+}
+
+#[test]
 fn as_much_arrives_from_a_lamp_that_no_bake_knew_as_from_one_of_its_file() {
     let scene = Arc::new(furnished().prepared());
     let (bake, camera) = (baked_with_irradiance(&scene, 96, 1024), &scene.scene.cameras[0]);
