@@ -205,13 +205,13 @@ impl BakeJob {
         let mut packed = Arc::unwrap_or_clone(packed.expect("a bake that was joined is packed"));
         for set in (0..reuse.sets.len()).filter(|set| is_new(*set)) {
             let matrix = 1 + set;
-            let before = BeforePacking::new(&matrices[matrix][..n_of_lights]);
+            let before = BeforePacking::new(&matrices[matrix][..n_of_lights], &header.basis);
             let pack = |(group, plan): (&BlockLowRank, &PackPlan)| PackedMatrix::pack(group, plan);
             packed[matrix] = matrices[matrix].iter().zip(&plans[matrix]).map(pack).collect();
             let unpack = |group: &PackedMatrix| group.unpack().expect("what was just packed can be unpacked");
             matrices[matrix] = packed[matrix].iter().map(unpack).collect();
             if let Some(before) = before {
-                let column_error = before.after(&matrices[matrix][..n_of_lights], &header);
+                let column_error = before.after(&matrices[matrix][..n_of_lights], &header.basis);
                 Arc::make_mut(&mut header).irradiance[set].column_error = column_error;
             }
         }
