@@ -245,8 +245,8 @@ impl Smoother<'_> {
     }
 }
 
-/// Bundles that no sample of any column found anything for stay zero. What smoothing brings there from their neighbors is light on
-/// nothing; and where a product is kept, which is zero there, it would be light of one column taken from another.
+/// Bundles that no sample of any column found anything for stay zero. What smoothing brings there from their neighbors is weight on
+/// nothing; and where a product is kept, which is zero there, it would be taken from another column.
 fn clear_unlit(factors: &mut Unpacked, means: &Means, bundle_len: usize) {
     let is_unlit = |row: usize| [&means.a, &means.b].iter().all(|half| half.row(row).iter().all(|x| *x == 0.0));
     for first in (0..means.mean.n_rows).step_by(bundle_len) {

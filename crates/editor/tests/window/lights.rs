@@ -1162,7 +1162,7 @@ fn what_many_lights_differ_in_is_told_in_a_small_window() {
     let mut window = lit();
     select(&mut window, &["left"]);
     type_over(&mut window, "Selected lights color temperature", "2700");
-    select(&mut window, &["left", "right"]);
+    select(&mut window, &["right", "left"]);
     window.set_size(vec2(900.0, 600.0));
     window.run_steps(5);
     let end = window.get_by_label("Picture").rect().left();

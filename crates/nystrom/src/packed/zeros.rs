@@ -1,4 +1,4 @@
-//! Bundles that are zero in every column: pixels that see nothing.
+//! Bundles that are zero in every column.
 //!
 //! Rounded cosines end at no border, so that rows of nothing beside rows of something would come back as noise. A block that has both
 //! tells which bundles are zero; when all else is restored, their rows of the left factor are zero again.

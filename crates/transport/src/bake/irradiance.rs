@@ -304,6 +304,10 @@ impl Run<'_> {
         if own.samples.is_some() {
             let finer_db = rows.tolerance_of_factors(job.config.tolerance_db) - job.config.tolerance_db;
             config.groups.iter_mut().for_each(|group| group.share *= mean_square(finer_db));
+            if matches!(rows, IrradianceRows::Grid(_)) {
+                // Few samples that are spread evenly agree by chance: a point is read by itself, and more of them cost little.
+                config.samples.min = config.samples.max;
+            }
         }
         let mut of_patches = PatchBlocks::dark(&header, &partition);
         if own.samples.is_some() {

@@ -196,7 +196,7 @@ fn few_points_of_a_body_far_away_tell_what_many_tell() {
             all += many;
         }
         println!("{shape:?}: {:.2} %", 100.0 * apart / all);
-        assert!(apart < 0.02 * all, "{shape:?}: {apart} of {all}");
+        assert!(apart < 0.03 * all, "{shape:?}: {apart} of {all}");
     }
 }
 

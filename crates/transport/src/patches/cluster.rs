@@ -29,7 +29,7 @@ pub(super) struct Met {
 const SAMPLES: usize = 4;
 
 /// Of so many patches one is there to divide others at walls.
-const AT_WALLS: usize = 16;
+const AT_WALLS: usize = 8;
 /// Points of a patch that look out for each other.
 const LOOKOUTS: usize = 8;
 

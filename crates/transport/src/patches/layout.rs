@@ -138,6 +138,7 @@ impl Layout {
         samples_of: impl Fn(u32) -> &'a [PatchSample] + Sync,
         irradiance: &mut [Vec3],
     ) {
+        hide(scene, &self.nearest, &samples_of);
         let land = |(nth, beam): (usize, &Beam)| {
             let ray = Ray { origin: beam.origin, direction: beam.direction, t_min: 0.0, t_max: f32::INFINITY };
             let (hit, passed) = first_broad(scene, &ray, &mut Sampler::new(0, BEAM_STREAM, nth as u32))?;
@@ -149,25 +150,17 @@ impl Layout {
             let outward = hit.outward(-beam.direction);
             let shares = self.around(hit.position, normal).map(|(patch, share)| {
                 let far = far_share(apart_m, self.extents[patch as usize].radius_m);
-                (patch, share, share * (1.0 - far))
+                (patch, share * (1.0 - far))
             });
-            if shares.iter().all(|(.., near)| *near <= 0.0) {
+            if shares.iter().all(|(_, near)| *near <= 0.0) {
                 return None;
             }
-            let seen = shares.map(|(patch, share, _)| {
-                share > 0.0 && self.is_seen(scene, (hit.origin(outward), outward), patch, samples_of(patch))
-            });
-            // What the others would have had goes to those that are seen.
-            let all: f32 = shares.iter().map(|(_, share, _)| share).sum();
-            let of_seen: f32 = shares.iter().zip(seen).filter(|(_, seen)| *seen).map(|((_, share, _), _)| share).sum();
-            Some(std::array::from_fn(|nth| {
-                let (patch, _, near) = shares[nth];
-                if near <= 0.0 || !seen[nth] {
+            Some(shares.map(|(patch, near)| {
+                if near <= 0.0 || !self.is_seen(scene, (hit.origin(outward), outward), patch, samples_of(patch)) {
                     return (patch, Vec3::ZERO);
                 }
                 let Extent { grazing, area_m2, .. } = self.extents[patch as usize];
-                let response = super::response::response(grazing, cos.max(0.0));
-                (patch, flux * (near * (all / of_seen) * response / area_m2))
+                (patch, flux * (near * super::response::response(grazing, cos.max(0.0)) / area_m2))
             }))
         };
         let landed: Vec<[(u32, Vec3); SHARING]> =
@@ -266,15 +259,20 @@ pub(super) fn see_each_other(scene: &PreparedScene, places: [(Vec3, Vec3); 2], h
     scene.transmittance(from, to) != Vec3::ZERO
 }
 
-/// Looks which patches are hidden from those around them.
-pub(super) fn hide(scene: &PreparedScene, nearest: &mut Nearest, (samples, first): (&[PatchSample], &[u32])) {
-    let eye = |(nth, sample): (usize, &PatchSample)| {
-        let mut sampler = Sampler::new(0, SIGHT_STREAM, nth as u32);
-        above(scene, (sample.position, sample.normal), sample.patch_radius_m(), &mut sampler)
+/// Looks which patches are hidden from those around them, if nobody has yet.
+pub(super) fn hide<'a>(scene: &PreparedScene, nearest: &Nearest, samples_of: impl Fn(u32) -> &'a [PatchSample] + Sync) {
+    if nearest.knows_hidden() {
+        return;
+    }
+    let eyes_of = |patch: u32| -> Vec<Vec3> {
+        let mut sampler = Sampler::new(0, SIGHT_STREAM, patch);
+        let eye = |at: &PatchSample| above(scene, (at.position, at.normal), at.patch_radius_m(), &mut sampler);
+        samples_of(patch).iter().map(eye).collect()
     };
-    let eyes: Vec<Vec3> = samples.par_iter().enumerate().map(eye).collect();
-    let of = |patch: u32| &eyes[first[patch as usize] as usize..first[patch as usize + 1] as usize];
-    nearest.hide(|a, b| of(a).iter().any(|&from| of(b).iter().any(|&to| scene.transmittance(from, to) != Vec3::ZERO)));
+    let eyes: Vec<Vec<Vec3>> = (0..nearest.centers().len() as u32).into_par_iter().map(eyes_of).collect();
+    let sees = |from: Vec3, to: Vec3| scene.transmittance(from, to) != Vec3::ZERO;
+    let of = |patch: u32| &eyes[patch as usize];
+    nearest.hide(|a, b| of(a).iter().any(|&from| of(b).iter().any(|&to| sees(from, to))));
 }
 
 /// The place so high above another one, along a unit vector, or half as high as the next surface.

@@ -100,10 +100,10 @@ pub(crate) fn learn(
         layout::see_each_other(scene, [a, b].map(|met| (met.position, met.normal)), radius_m)
     };
     let (centers, mut samples, first) = cluster(&met, request.n_patches as usize, reach_m, &sight);
-    let mut nearest = Nearest::new(centers, reach_m);
+    let nearest = Arc::new(Nearest::new(centers, reach_m));
     widen((&mut samples, &first), &nearest);
-    layout::hide(scene, &mut nearest, (&samples, &first));
-    let nearest = Arc::new(nearest);
+    let samples_of = |patch: u32| &samples[first[patch as usize] as usize..first[patch as usize + 1] as usize];
+    layout::hide(scene, &nearest, samples_of);
     let layout = Layout::measured(scene, nearest.clone(), (&samples, &first));
     let origins: Vec<Vec<(Vec3, Vec3)>> = first
         .windows(2)

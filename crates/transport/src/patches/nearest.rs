@@ -1,5 +1,7 @@
 //! Which patches stand for a point of a surface.
 
+use std::sync::OnceLock;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -45,8 +47,8 @@ pub(super) struct Nearest {
     leaves: Vec<Leaf>,
     /// Of each patch.
     around: Vec<Around>,
-    /// Of each patch those around it that a wall hides; of none where nobody looked.
-    hidden: Vec<Vec<u32>>,
+    /// Of each patch those around it that a wall hides, once somebody has looked.
+    hidden: OnceLock<Vec<Vec<u32>>>,
     /// Distance that a right angle between normals counts as, over the square root of two, m.
     reach_m: f32,
 }
@@ -96,15 +98,20 @@ impl Nearest {
         let mut order: Vec<u32> = (0..centers.len() as u32).collect();
         let n_leaves = centers.len().div_ceil(LEAF).next_power_of_two();
         let (splits, leaves) = (vec![Split::default(); n_leaves - 1], vec![Leaf::EMPTY; n_leaves]);
-        let mut nearest = Nearest { centers, splits, leaves, around: Vec::new(), hidden: Vec::new(), reach_m };
+        let mut nearest = Nearest { centers, splits, leaves, around: Vec::new(), hidden: OnceLock::new(), reach_m };
         nearest.divide(0, &mut order);
         nearest.around = nearest.centers.par_iter().map(|center| nearest.around(center)).collect();
         nearest
     }
 
+    /// Whether it is known which patches are hidden from each other.
+    pub fn knows_hidden(&self) -> bool {
+        self.hidden.get().is_some()
+    }
+
     /// Looks which patches around one, of those that look the same way, are hidden from it. They share no point: beyond a wall there is other
     /// light.
-    pub fn hide(&mut self, is_seen: impl Fn(u32, u32) -> bool + Sync) {
+    pub fn hide(&self, is_seen: impl Fn(u32, u32) -> bool + Sync) {
         let of_patch = |patch: usize| {
             let center = self.centers[patch];
             let found = self.sought::<NEIGHBORS>(center.position, center.normal);
@@ -115,15 +122,17 @@ impl Nearest {
             found.patches[..found.n].iter().copied().filter(is_hidden).collect()
         };
         let one_way: Vec<Vec<u32>> = (0..self.centers.len()).into_par_iter().map(of_patch).collect();
-        self.hidden = one_way.clone();
+        let mut hidden = one_way.clone();
         for (patch, others) in one_way.iter().enumerate() {
             for &other in others {
-                let back = &mut self.hidden[other as usize];
+                let back = &mut hidden[other as usize];
                 if !back.contains(&(patch as u32)) {
                     back.push(patch as u32);
                 }
             }
         }
+        // Who looked at the same time saw the same.
+        let _ = self.hidden.set(hidden);
     }
 
     /// Divides patches in two along their longest side, and both halves in turn, from a place in the tree downward.
@@ -175,7 +184,8 @@ impl Nearest {
         // Weights fall to zero where another patch becomes the farthest.
         let limit = found.squared[SHARING];
         let weight = |squared: f32| if limit.is_finite() { (1.0 - squared / limit).max(0.0).powi(2) } else { 1.0 };
-        let hidden = self.hidden.get(found.patches[0] as usize).map_or(&[][..], |hidden| hidden);
+        let hidden = self.hidden.get().and_then(|hidden| hidden.get(found.patches[0] as usize));
+        let hidden = hidden.map_or(&[][..], Vec::as_slice);
         let has_part = |i: usize| i < found.n && !hidden.contains(&found.patches[i]);
         let weights = std::array::from_fn(|i| if has_part(i) { weight(found.squared[i]) } else { 0.0 });
         (std::array::from_fn(|i| found.patches[i]), weights)
@@ -404,7 +414,7 @@ mod tests {
 
     #[test]
     fn patches_that_are_hidden_share_no_point() {
-        let mut nearest =
+        let nearest =
             Nearest::new((0..40).map(|i| Center { position: Vec3::X * i as f32, normal: Vec3::Y }).collect(), 1.0);
         nearest.hide(|a, b| (a < 20) == (b < 20));
         let sharing = |x: f32| {
