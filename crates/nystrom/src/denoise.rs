@@ -25,10 +25,10 @@ mod tests;
 
 use std::{array, ops::Range, sync::Arc};
 
-use half::f16;
+use half::{f16, slice::HalfFloatSliceExt};
 use rayon::prelude::*;
 
-use around::{Alike, Means, Planes};
+use around::{Alike, CACHE_LINE, Line, Means, Planes};
 
 use crate::{
     dense::Dense,
@@ -95,8 +95,7 @@ impl<L: Likeness> Denoiser<'_, L> {
                     let mut around = Surroundings::new(&block, &directions[group], guide, self.bundle_len);
                     for other_idx in self.partition.around(block_idx) {
                         if let Some(other) = known(group, other_idx) {
-                            let place = (self.partition, other_idx, other_idx == block_idx);
-                            around.bring(place, &other, &directions[group]);
+                            around.bring((self.partition, other_idx), &other, &directions[group]);
                         }
                     }
                     let mut own = Vec::new();
@@ -161,11 +160,22 @@ impl Basis {
         Basis { rows, lengths, along }
     }
 
-    /// A left factor (or its noise) for these rows.
-    fn coefficients(&self, block: &BlockFactors, left: &[f16]) -> Dense<f32> {
+    /// A left factor (or its noise) for these rows, of the bundles of some lines one after the other.
+    fn coefficients(&self, block: &BlockFactors, left: &[f16], lines: &[Line], bundle_len: usize) -> Dense<f32> {
         let n_cols = self.rows.n_rows;
-        let value = |(i, x): (usize, &f16)| x.to_f32() * block.scale[i % n_cols] * self.lengths[i % n_cols];
-        Dense { n_rows: block.n_rows as usize, n_cols, data: left.iter().enumerate().map(value).collect() }
+        let scales: Vec<f32> = block.scale.iter().zip(&self.lengths).map(|(scale, length)| scale * length).collect();
+        let n_rows = lines.iter().map(|line| line.nth.len() * bundle_len).sum();
+        let mut data = vec![0.0; n_rows * n_cols];
+        let mut rest = data.as_mut_slice();
+        // What is zero has neither rank nor noise.
+        for line in lines.iter().filter(|_| n_cols > 0) {
+            let (first, len) = (line.nth.start * bundle_len * n_cols, line.nth.len() * bundle_len * n_cols);
+            let (out, after) = rest.split_at_mut(len);
+            left[first..][..len].convert_to_f32_slice(out);
+            out.chunks_exact_mut(n_cols).for_each(|row| row.iter_mut().zip(&scales).for_each(|(x, scale)| *x *= scale));
+            rest = after;
+        }
+        Dense { n_rows, n_cols, data }
     }
 }
 
@@ -191,54 +201,66 @@ impl<'a, L: Likeness> Surroundings<'a, L> {
     }
 
     /// Brings what is within reach of a block around, or of the block itself, into the basis.
-    fn bring(
-        &mut self,
-        (partition, block_idx, is_own): (&Partition, usize, bool),
-        other: &BlockFactors,
-        preserved: &[f32],
-    ) {
+    fn bring(&mut self, (partition, block_idx): (&Partition, usize), other: &BlockFactors, preserved: &[f32]) {
         // What is zero is known, what has factors without noise is not.
         if other.rank > 0 && other.doubt.len() != other.left.len() {
             return;
         }
         let theirs = Basis::of(other, preserved);
-        let turn = product(theirs.rows.view(), self.basis.rows.t());
-        let parts = [&other.left, &other.doubt].map(|left| {
-            let coefficients = theirs.coefficients(other, left);
-            let turned = if is_own { coefficients.clone() } else { product(coefficients.view(), turn.view()) };
-            (coefficients, turned)
-        });
-        let [x0, y0, width, height] = partition.rect(block_idx);
-        let mut values = Vec::new();
-        for (nth, (y, x)) in (y0..y0 + height).flat_map(|y| (x0..x0 + width).map(move |x| (y, x))).enumerate() {
-            let (bundle, rows) = (y * partition.width + x, nth * self.bundle_len..(nth + 1) * self.bundle_len);
-            let Some(place) = self.alike.window.place(x, y) else { continue };
-            if self.is_nothing(bundle, other, rows.clone()) {
-                continue;
+        let turn = (theirs.rows != self.basis.rows).then(|| product(theirs.rows.view(), self.basis.rows.t()));
+        let lines = self.alike.window.lines(partition.rect(block_idx), partition.width);
+        for (part, left) in [&other.left, &other.doubt].into_iter().enumerate() {
+            let coefficients = self.without_gains(theirs.coefficients(other, left, &lines, self.bundle_len), &lines);
+            let along = |row: &[f32]| row.iter().zip(&theirs.along).map(|(c, x)| c * x).sum();
+            let preserved: Vec<f32> = (0..coefficients.n_rows).map(|row| along(coefficients.row(row))).collect();
+            let preserved = Dense { n_rows: preserved.len(), n_cols: 1, data: preserved };
+            let turned = turn.as_ref().map(|turn| product(coefficients.view(), turn.view()));
+            let turned = turned.as_ref().unwrap_or(&coefficients);
+            for row in 0..self.bundle_len {
+                let value = (2 * row + part) * (self.rank() + 1);
+                self.tell(value, &lines, (turned, row));
+                self.tell(value + self.rank(), &lines, (&preserved, row));
             }
-            values.clear();
-            for (row, gain) in rows.zip(self.likeness.gains(bundle)) {
-                for (coefficients, turned) in &parts {
-                    let preserved: f32 = coefficients.row(row).iter().zip(&theirs.along).map(|(c, x)| c * x).sum();
-                    values.extend(turned.row(row).iter().chain(&[preserved]).map(|value| value / gain));
-                }
-            }
-            self.planes.set(place, &values);
+        }
+        for line in &lines {
+            let known = (line.bundle..).zip(line.nth.clone()).map(|(bundle, nth)| {
+                let rows = nth * self.bundle_len..(nth + 1) * self.bundle_len;
+                !is_nothing(self.likeness, bundle, other, rows)
+            });
+            self.planes.set_known(line.place, known);
         }
     }
 
-    /// Whether a bundle is void, and its rows of a block are zero.
-    fn is_nothing(&self, bundle: u32, block: &BlockFactors, mut rows: Range<usize>) -> bool {
-        self.likeness.is_void(bundle) && rows.all(|row| block.is_zero_row(row))
+    /// The rows of bundles, line by line, each divided by its gain.
+    fn without_gains(&self, mut rows: Dense<f32>, lines: &[Line]) -> Dense<f32> {
+        let bundles = lines.iter().flat_map(|line| (line.bundle..).take(line.nth.len()));
+        let gains = bundles.flat_map(|bundle| self.likeness.gains(bundle));
+        for (row, gain) in gains.enumerate() {
+            rows.row_mut(row).iter_mut().for_each(|x| *x /= gain);
+        }
+        rows
+    }
+
+    /// Values of each bundle from one on, line by line: one of its rows, a cache line of it at a time.
+    fn tell(&mut self, value: usize, lines: &[Line], (rows, row): (&Dense<f32>, usize)) {
+        for first in (0..rows.n_cols).step_by(CACHE_LINE) {
+            let columns = row * rows.n_cols + first..row * rows.n_cols + rows.n_cols.min(first + CACHE_LINE);
+            let mut bundles = rows.data.chunks_exact(self.bundle_len * rows.n_cols);
+            for line in lines {
+                let bundles = bundles.by_ref().take(line.nth.len());
+                self.planes.set(value + first, line.place, bundles.map(|bundle| &bundle[columns.clone()]));
+            }
+        }
     }
 
     /// The block's bundles as they are and as the three means have them, gains multiplied again.
     fn means(&self, own: &[u32]) -> Means {
         let (mut means, per_row) = (self.planes.means(self.alike), 2 * (self.rank() + 1));
-        let gains: Vec<&[f32]> = own.iter().map(|bundle| self.likeness.gains(*bundle)).collect();
-        for (mean, row) in (0..N_MIXED).flat_map(|mean| (0..self.bundle_len).map(move |row| (mean, row))) {
-            for value in row * per_row..(row + 1) * per_row {
-                means.plane_mut(mean, value).iter_mut().zip(&gains).for_each(|(x, gains)| *x *= gains[row]);
+        for row in 0..self.bundle_len {
+            let gains: Vec<f32> = own.iter().map(|bundle| self.likeness.gains(*bundle)[row]).collect();
+            for (mean, value) in (0..N_MIXED).flat_map(|mean| (0..per_row).map(move |value| (mean, value))) {
+                let plane = means.plane_mut(mean, row * per_row + value);
+                plane.iter_mut().zip(&gains).for_each(|(x, gain)| *x *= gain);
             }
         }
         means
@@ -247,34 +269,37 @@ impl<'a, L: Likeness> Surroundings<'a, L> {
     /// The block with the mixtures that leave the least error; `None` where numbers are beyond single precision.
     fn smoothed(&self, block: &BlockFactors, own: &[u32]) -> Option<BlockFactors> {
         let means = self.means(own);
-        let (rank, n_rows) = (self.rank(), block.n_rows as usize);
+        let (rank, n_rows, len) = (self.rank(), block.n_rows as usize, self.bundle_len);
         let value = |row: usize, component: usize| row * 2 * (rank + 1) + component;
-        let mixtures: Vec<Mixture> = (0..=rank)
-            .map(|component| {
-                let of_row = |row: usize| [value(row, component), value(row, component) + rank + 1];
-                Mixture::of(&means, (0..self.bundle_len).map(of_row))
-            })
-            .collect();
-        let mixed = |row: usize, component: usize| {
-            let (bundle, value) = (row / self.bundle_len, value(row % self.bundle_len, component));
-            let parts = mixtures[component].weights.iter().enumerate();
-            parts.map(|(mean, weight)| means.plane(mean, value)[bundle] * *weight as f32).sum::<f32>()
+        let (mut left, mut preserved, mut mixed) = (vec![0.0; n_rows * rank], vec![0.0; n_rows], Vec::new());
+        let mut mixture = |component: usize| {
+            let of_row = |row: usize| [value(row, component), value(row, component) + rank + 1];
+            let mixture = Mixture::of(&means, (0..len).map(of_row));
+            for row in 0..len {
+                means.mix(value(row, component), mixture.weights, &mut mixed);
+                let rows = (row..n_rows).step_by(len);
+                if component < rank {
+                    rows.zip(&mixed).for_each(|(row, x)| left[row * rank + component] = *x);
+                } else {
+                    rows.zip(&mixed).for_each(|(row, x)| preserved[row] = *x);
+                }
+            }
+            mixture
         };
+        let mixtures: Vec<Mixture> = (0..=rank).map(&mut mixture).collect();
         let along = &self.basis.along;
         let square: f32 = along.iter().map(|x| x * x).sum();
-        let (mut left, mut moved) = (Vec::with_capacity(n_rows * rank), 0.0);
-        for row in 0..n_rows {
-            let first = left.len();
-            left.extend((0..rank).map(|component| mixed(row, component)));
-            let product: f32 = left[first..].iter().zip(along).map(|(x, along)| x * along).sum();
-            let lacks = if square > 0.0 { (mixed(row, rank) - product) / square } else { 0.0 };
-            left[first..].iter_mut().zip(along).for_each(|(x, along)| *x += lacks * along);
+        let mut moved = 0.0;
+        for (left, preserved) in left.chunks_exact_mut(rank).zip(&preserved) {
+            let product: f32 = left.iter().zip(along).map(|(x, along)| x * along).sum();
+            let lacks = if square > 0.0 { (preserved - product) / square } else { 0.0 };
+            let parts = left.iter_mut().zip(along).zip(&self.basis.lengths);
+            parts.for_each(|((x, along), length)| *x = (*x + lacks * along) / length);
             moved += f64::from(lacks) * f64::from(lacks) * f64::from(square);
         }
-        left.iter_mut().enumerate().for_each(|(i, x)| *x /= self.basis.lengths[i % rank]);
         for (nth, bundle) in own.iter().enumerate() {
             let rows = nth * self.bundle_len..(nth + 1) * self.bundle_len;
-            if self.is_nothing(*bundle, block, rows.clone()) {
+            if is_nothing(self.likeness, *bundle, block, rows.clone()) {
                 left[rows.start * rank..rows.end * rank].fill(0.0);
             }
         }
@@ -308,6 +333,11 @@ impl<L> Surroundings<'_, L> {
     }
 }
 
+/// Whether a bundle is void, and its rows of a block are zero.
+fn is_nothing(likeness: &impl Likeness, bundle: u32, block: &BlockFactors, mut rows: Range<usize>) -> bool {
+    likeness.is_void(bundle) && rows.all(|row| block.is_zero_row(row))
+}
+
 /// How much of the coefficients as they are and of each mean makes a component, and what that leaves.
 struct Mixture {
     weights: [f64; N_MIXED],
@@ -327,19 +357,9 @@ impl Mixture {
     fn of(means: &Means, rows: impl Iterator<Item = [usize; 2]>) -> Self {
         let (mut gram, mut noise_gram, mut fourth) = ([[0.0; N_MIXED]; N_MIXED], [[0.0; N_MIXED]; N_MIXED], 0.0);
         for [value, noise] in rows {
-            let plane = |value: usize| -> [&[f32]; N_MIXED] { array::from_fn(|mean| means.plane(mean, value)) };
-            let (values, noises) = (plane(value), plane(noise));
-            for bundle in 0..values[0].len() {
-                let of = |planes: [&[f32]; N_MIXED]| planes.map(|plane| f64::from(plane[bundle]));
-                let (values, noises) = (of(values), of(noises));
-                fourth += noises[0].powi(4);
-                for i in 0..N_MIXED {
-                    for j in 0..N_MIXED {
-                        gram[i][j] += values[i] * values[j];
-                        noise_gram[i][j] += noises[i] * noises[j];
-                    }
-                }
-            }
+            means.add_products(value, &mut gram);
+            means.add_products(noise, &mut noise_gram);
+            fourth += means.plane(0, noise).iter().map(|&x| f64::from(x).powi(4)).sum::<f64>();
         }
         // With w the weights: wᵀ·gram·w − 2 w·aim is the error, but for a constant.
         let aim: [f64; N_MIXED] = array::from_fn(|i| gram[i][0] - noise_gram[i][0]);

@@ -88,11 +88,13 @@ impl BlockFactors {
         );
         let mut factors = Self { n_rows: n_rows as u32, n_cols: n_cols as u32, rank: rank as u32, ..Self::default() };
         let left_exponents = exponents_of_columns(left, rank);
-        let right_exponents: Vec<i32> = right.chunks(n_cols.max(1)).map(|row| exponent(row.iter())).collect();
+        let largest = |row: &[f32]| row.iter().fold(0.0f32, |largest, x| largest.max(x.abs()));
+        let right_exponents: Vec<i32> = right.chunks(n_cols.max(1)).map(|row| exponent(largest(row))).collect();
         factors.left = scaled_columns(left, &left_exponents);
         let rows = right.chunks(n_cols.max(1)).zip(&right_exponents);
         let rows = rows.map(|(row, exponent)| (row, power_of_two(-exponent)));
-        factors.right = rounded(rows.flat_map(|(row, power)| row.iter().map(move |&x| f64::from(x) * power)));
+        let scaled = rows.flat_map(|(row, power)| row.iter().map(move |&x| held(f64::from(x) * power)));
+        factors.right = rounded(&scaled.collect::<Vec<_>>());
         factors.scale = (0..rank).map(|r| scale(left_exponents[r] + right_exponents[r])).collect();
         factors
     }
@@ -227,7 +229,11 @@ impl BlockFactors {
 /// single precision holds what they are multiplied with again.
 fn exponents_of_columns(values: &[f32], n_cols: usize) -> Vec<i32> {
     let room = |exponent: i32| exponent - ROOM.min((exponent - (f32::MIN_EXP - 1)).max(0));
-    (0..n_cols).map(|col| room(exponent(values.iter().skip(col).step_by(n_cols)))).collect()
+    let mut largest = vec![0.0f32; n_cols];
+    for row in values.chunks(n_cols.max(1)) {
+        largest.iter_mut().zip(row).for_each(|(largest, x)| *largest = largest.max(x.abs()));
+    }
+    largest.into_iter().map(|largest| room(exponent(largest))).collect()
 }
 
 /// 2^exponent: below what single precision holds 0, above the greatest power.
@@ -238,24 +244,30 @@ fn scale(exponent: i32) -> f32 {
 /// A row-major matrix with each column divided by a power of two.
 fn scaled_columns(values: &[f32], exponents: &[i32]) -> Vec<f16> {
     let powers: Vec<f64> = exponents.iter().map(|exponent| power_of_two(-exponent)).collect();
-    let rows = values.chunks(powers.len().max(1));
-    rounded(rows.flat_map(|row| row.iter().zip(&powers)).map(|(&x, power)| f64::from(x) * power))
+    let mut scaled = vec![0.0; values.len()];
+    let rows = values.chunks(powers.len().max(1)).zip(scaled.chunks_mut(powers.len().max(1)));
+    for (row, out) in rows {
+        out.iter_mut().zip(row.iter().zip(&powers)).for_each(|(out, (x, power))| *out = held(f64::from(*x) * power));
+    }
+    rounded(&scaled)
 }
 
-/// The exponent of the largest magnitude: dividing by its power of two brings it into [1, 2). 0 if all are zero.
-fn exponent<'a>(values: impl Iterator<Item = &'a f32>) -> i32 {
-    let largest = values.fold(0.0f32, |largest, x| largest.max(x.abs()));
+/// The exponent of a largest magnitude: dividing by its power of two brings it into [1, 2). 0 if all are zero.
+fn exponent(largest: f32) -> i32 {
     if largest > 0.0 && largest.is_finite() { f64::from(largest).log2().floor() as i32 } else { 0 }
 }
 
-/// Numbers of eleven bits: those beyond the greatest half are that one, and what is no finite number stays none. What single precision
-/// does not hold of those that are told is far below the least of them.
-fn rounded(values: impl Iterator<Item = f64>) -> Vec<f16> {
+/// What a half holds of a number: those beyond the greatest one are that one, and what is no finite number stays none. What single
+/// precision does not hold of those that are told is far below the least of them.
+fn held(x: f64) -> f32 {
     let most = f64::from(f16::MAX);
-    let held = |x: f64| if x.is_finite() { x.clamp(-most, most) } else { x };
-    let values: Vec<f32> = values.map(|x| held(x) as f32).collect();
+    (if x.is_finite() { x.clamp(-most, most) } else { x }) as f32
+}
+
+/// Numbers of eleven bits.
+fn rounded(values: &[f32]) -> Vec<f16> {
     let mut halves = vec![f16::ZERO; values.len()];
-    halves.convert_from_f32_slice(&values);
+    halves.convert_from_f32_slice(values);
     halves
 }
 
@@ -373,7 +385,7 @@ mod tests {
             assert!(packed.iter().all(|x| x.is_finite()), "{times}");
         }
         // What is no number is not made one: an encoder refuses it.
-        assert!(rounded([f64::INFINITY].into_iter())[0].is_infinite());
+        assert!(rounded(&[held(f64::INFINITY)])[0].is_infinite());
     }
 
     #[test]

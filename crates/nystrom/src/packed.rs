@@ -246,6 +246,8 @@ struct Packer<'a> {
     direction: Vec<f32>,
     /// See [`PackedMatrix`].
     tells_zeros: bool,
+    /// Of each block which of its bundles are zero, and stay so.
+    zeros: Vec<Option<ZeroBundles>>,
     /// See [`border_weight`].
     border_weight: f32,
 }
@@ -257,8 +259,6 @@ struct Unrounded<'a> {
     /// Sum of the squares of what the factors hold.
     energy: f64,
     coefficients: Coefficients,
-    /// Which of its bundles are zero, and stay so.
-    zeros: Option<ZeroBundles>,
     /// Its product with the direction.
     kept: Vec<f64>,
     /// Mean square error that truncation and sampling have left in it.
@@ -292,9 +292,18 @@ impl<'a> Packer<'a> {
         let is_direction = norm > 0.0 && norm.is_finite() && plan.preserved.len() == layout.n_cols();
         let unit = |x: &f64| (x / norm) as f32;
         let direction = if is_direction { preserved.iter().map(unit).collect() } else { Vec::new() };
-        let blocks = matrix.blocks.par_iter().flatten();
-        let tells_zeros = blocks.any(|factors| ZeroBundles::of(factors, layout).is_some());
-        Self { matrix, layout, plan, direction, tells_zeros, border_weight: border_weight(plan.allowed, plan.strong) }
+        let zeros = |factors: &Option<Arc<BlockFactors>>| ZeroBundles::of(factors.as_deref()?, layout);
+        let zeros: Vec<_> = matrix.blocks.par_iter().map(zeros).collect();
+        let tells_zeros = zeros.iter().any(Option::is_some);
+        Self {
+            matrix,
+            layout,
+            plan,
+            direction,
+            tells_zeros,
+            zeros,
+            border_weight: border_weight(plan.allowed, plan.strong),
+        }
     }
 
     fn unrounded(&self, block_idx: usize) -> Option<Unrounded<'a>> {
@@ -310,8 +319,8 @@ impl<'a> Packer<'a> {
             of_block
         };
         let allowed = (f64::from(self.plan.allowed) * tightness).max(OF_HALVES * coefficients.mean_square());
-        let (energy, zeros) = (energy(factors), ZeroBundles::of(factors, self.layout));
-        Some(Unrounded { block_idx, factors, energy, coefficients, zeros, kept, own_error, tightness, allowed })
+        let energy = energy(factors);
+        Some(Unrounded { block_idx, factors, energy, coefficients, kept, own_error, tightness, allowed })
     }
 
     /// The coarsest step for which some blocks together stay within their budgets; `None` where none has components.
@@ -358,10 +367,10 @@ impl<'a> Packer<'a> {
 
     /// A block for a step, and the mean square error that this adds.
     fn round(&self, block: &Unrounded<'_>, step: f32) -> (Vec<Rounded>, Option<Kept>, f64) {
-        let Unrounded { block_idx, factors, energy, coefficients, zeros, .. } = block;
+        let Unrounded { block_idx, factors, energy, coefficients, .. } = block;
         let (components, direction) = (coefficients.round(step), &self.direction);
         let mut plain = restore(&components, step, *block_idx, self.layout);
-        let clear = |plain: &mut Plain| zeros.iter().for_each(|zeros| zeros.clear(plain));
+        let clear = |plain: &mut Plain| self.zeros[*block_idx].iter().for_each(|zeros| zeros.clear(plain));
         clear(&mut plain);
         let mut kept = None;
         if !direction.is_empty() {
@@ -400,7 +409,7 @@ impl<'a> Packer<'a> {
         let (block_idx, factors) = (block.block_idx, block.factors);
         let zeros = self.tells_zeros.then(|| {
             let is_something = !components.is_empty() || kept.is_some();
-            block.zeros.clone().filter(|_| is_something)
+            self.zeros[block_idx].clone().filter(|_| is_something)
         });
         RoundedBlock { quarters, components, kept, zeros, block_idx, factors, error }
     }

@@ -3,9 +3,11 @@
     target_arch = "x86_64",
     expect(
         unsafe_code,
-        reason = "a call of what is compiled for AVX2, behind run-time detection; the same safe code without"
+        reason = "calls of what is compiled for AVX2 and FMA, behind run-time detection; the same safe code without"
     )
 )]
+
+use std::{array, ops::Range};
 
 use crate::partition::Partition;
 
@@ -14,7 +16,9 @@ use super::{LEAST_LIKENESS, Likeness, N_MIXED, REACHES};
 /// Bundles that are summed for side by side.
 const LANES: usize = 8;
 /// Planes that are summed at a time.
-const PLANES: usize = 4;
+const PLANES: usize = 6;
+/// Numbers of a cache line.
+pub(super) const CACHE_LINE: usize = 16;
 /// Bundles around a tile to each side that its means are made of.
 const REACH: usize = REACHES[2] as usize;
 /// Places across and down that the largest mean is made of.
@@ -39,11 +43,19 @@ impl Window {
         Self { tile: [x, y, width, height], stride, n_rows }
     }
 
-    /// Where a bundle of the grid lies, if it is within reach.
-    pub(super) fn place(&self, x: u32, y: u32) -> Option<usize> {
+    /// What is within reach of another tile (first column, first row, width and height) of a grid so wide, line by line.
+    pub(super) fn lines(&self, [x0, y0, width, height]: [u32; 4], grid_width: u32) -> Vec<Line> {
         let [left, top, ..] = self.tile;
-        let (column, row) = ((x as usize + REACH).wrapping_sub(left), (y as usize + REACH).wrapping_sub(top));
-        (column < self.stride && row < self.n_rows).then(|| row * self.stride + column)
+        let column = |x: u32| (x as usize + REACH).wrapping_sub(left);
+        let line = |y: u32| {
+            let row = (y as usize + REACH).checked_sub(top).filter(|row| *row < self.n_rows)?;
+            let mut within = (x0..x0 + width).filter(|x| column(*x) < self.stride);
+            let first = within.next()?;
+            let nth = ((y - y0) * width + first - x0) as usize;
+            let place = row * self.stride + column(first);
+            Some(Line { place, bundle: y * grid_width + first, nth: nth..nth + 1 + within.count() })
+        };
+        (y0..y0 + height).filter_map(line).collect()
     }
 
     /// Bundles of the tile.
@@ -55,6 +67,16 @@ impl Window {
     fn n_lanes(&self) -> usize {
         (self.stride - 2 * REACH) / LANES
     }
+}
+
+/// Bundles of another tile side by side.
+pub(super) struct Line {
+    /// Of the first one in the window.
+    pub(super) place: usize,
+    /// The first one, of all of the grid.
+    pub(super) bundle: u32,
+    /// Which ones of their tile.
+    pub(super) nth: Range<usize>,
 }
 
 /// How alike each bundle of a tile is to those around.
@@ -130,8 +152,10 @@ impl Row {
 
 /// Values of all bundles of a window, plane by plane.
 pub(super) struct Planes {
-    /// Planes × places of the window. The last of those that are used is 1 where a bundle is known; unknown ones are 0 in all.
+    /// Planes × places of the window; unknown bundles are 0 in all.
     data: Vec<f32>,
+    /// 1 where a bundle is known.
+    known: Vec<f32>,
     n_values: usize,
     n_places: usize,
 }
@@ -139,29 +163,61 @@ pub(super) struct Planes {
 impl Planes {
     /// Nothing is known yet.
     pub(super) fn new(window: &Window, n_values: usize) -> Self {
-        let n_places = window.stride * window.n_rows;
-        let data = vec![0.0; (n_values + 1).next_multiple_of(PLANES) * n_places];
-        Planes { data, n_values, n_places }
+        // Planes an odd number of cache lines apart do not push each other out of the cache.
+        let n_places = (window.stride * window.n_rows).next_multiple_of(CACHE_LINE) | CACHE_LINE;
+        let data = vec![0.0; n_values.next_multiple_of(PLANES) * n_places];
+        Planes { data, known: vec![0.0; n_places], n_values, n_places }
     }
 
-    /// Tells all values of a bundle.
-    pub(super) fn set(&mut self, place: usize, values: &[f32]) {
-        let planes = self.data[place..].iter_mut().step_by(self.n_places);
-        planes.zip(values.iter().chain(&[1.0])).for_each(|(plane, value)| *plane = *value);
+    /// Tells some values of bundles side by side, of each those from a value on. A few at a time are fast: each lies in a plane of its own.
+    pub(super) fn set<'a>(&mut self, value: usize, place: usize, bundles: impl Iterator<Item = &'a [f32]>) {
+        let first = value * self.n_places + place;
+        for (nth, values) in bundles.enumerate() {
+            let planes = self.data[first + nth..].iter_mut().step_by(self.n_places);
+            planes.zip(values).for_each(|(to, value)| *to = *value);
+        }
+    }
+
+    /// Tells which of the bundles side by side are known; all values of the others are 0.
+    pub(super) fn set_known(&mut self, place: usize, known: impl Iterator<Item = bool>) {
+        self.known[place..].iter_mut().zip(known).for_each(|(to, known)| *to = f32::from(u8::from(known)));
     }
 
     /// The values of the bundles of a tile as they are, and their three means.
     pub(super) fn means(&self, alike: &Alike) -> Means {
-        let (window, n_values) = (&alike.window, self.n_values);
-        let ([_, _, width, _], n_bundles, n_lanes) = (window.tile, window.n_bundles(), window.n_lanes());
+        let (n_values, n_bundles) = (self.n_values, alike.window.n_bundles());
         let mut means = Means { data: vec![0.0; N_MIXED * n_values * n_bundles], n_values, n_bundles };
-        let mut sums = vec![Lanes::default(); (n_values + 1).next_multiple_of(PLANES)];
-        for (y, row) in alike.rows.iter().enumerate() {
-            for lane in 0..n_lanes {
-                let first = y * window.stride + lane * LANES;
+        let mut totals = Vec::new();
+        alike.sums([&self.known], |_, _, [total]| totals.push(total));
+        let width = alike.window.tile[2];
+        for (nth, planes) in self.data.chunks_exact(PLANES * self.n_places).enumerate() {
+            let planes = array::from_fn(|plane| &planes[plane * self.n_places..][..self.n_places]);
+            let mut totals = totals.iter();
+            alike.sums::<PLANES>(planes, |[y, lane], mean, sums| {
+                let total = totals.next().expect("as many totals as sums");
                 let bundles = y * width + lane * LANES..(y + 1) * width;
-                let mut within = 0..0;
-                sums.fill(Lanes::default());
+                for (value, sums) in (nth * PLANES..n_values).zip(sums) {
+                    let out = &mut means.plane_mut(mean, value)[bundles.clone()];
+                    for ((out, sum), total) in out.iter_mut().zip(sums).zip(total) {
+                        // Around what nothing is known of, sums and totals are 0.
+                        *out = sum / total.max(f32::MIN_POSITIVE);
+                    }
+                }
+            });
+        }
+        means
+    }
+}
+
+impl Alike {
+    /// Sums of what lies around, weighed, plane by plane: for each row of the tile, some bundles of it side by side, and each mean.
+    fn sums<const N: usize>(&self, planes: [&[f32]; N], mut out: impl FnMut([usize; 2], usize, [Lanes; N])) {
+        let n_lanes = self.window.n_lanes();
+        for (y, row) in self.rows.iter().enumerate() {
+            for lane in 0..n_lanes {
+                let first = y * self.window.stride + lane * LANES;
+                let planes = planes.map(|plane| &plane[first..]);
+                let (mut sums, mut within) = ([Lanes::default(); N], 0..0);
                 for (mean, end) in row.n_within.into_iter().enumerate() {
                     within = within.end..end;
                     let around = Around {
@@ -170,22 +226,11 @@ impl Planes {
                         n_lanes,
                         lane,
                     };
-                    let planes = self.data.chunks_exact(PLANES * self.n_places);
-                    for (planes, sums) in planes.zip(sums.as_chunks_mut().0) {
-                        let plane = |nth: usize| &planes[nth * self.n_places..][..self.n_places][first..];
-                        around.add([plane(0), plane(1), plane(2), plane(3)], sums);
-                    }
-                    let total = sums[n_values];
-                    for (value, sums) in sums[..n_values].iter().enumerate() {
-                        let out = &mut means.plane_mut(mean, value)[bundles.clone()];
-                        // Around what nothing is known of, sums and totals are 0.
-                        let divided = |(sum, total): (&f32, &f32)| sum / total.max(f32::MIN_POSITIVE);
-                        out.iter_mut().zip(sums.iter().zip(&total).map(divided)).for_each(|(out, mean)| *out = mean);
-                    }
+                    around.add(planes, &mut sums);
+                    out([y, lane], mean, sums);
                 }
             }
         }
-        means
     }
 }
 
@@ -200,24 +245,29 @@ struct Around<'a> {
 
 impl Around<'_> {
     /// Adds what lies there, weighed, to the sums of some planes.
-    fn add(&self, planes: [&[f32]; PLANES], sums: &mut [Lanes; PLANES]) {
+    fn add<const N: usize>(&self, planes: [&[f32]; N], sums: &mut [Lanes; N]) {
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: AVX2 was found.
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            // SAFETY: AVX2 and FMA were found.
             return unsafe { self.add_avx2(planes, sums) };
         }
-        self.add_plain(planes, sums);
+        self.add_by(planes, sums, |weight, x, sum| sum + weight * x);
     }
 
-    /// The same numbers, eight at a time.
+    /// The same up to rounding, eight at a time.
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn add_avx2(&self, planes: [&[f32]; PLANES], sums: &mut [Lanes; PLANES]) {
-        self.add_plain(planes, sums);
+    #[target_feature(enable = "avx2,fma")]
+    fn add_avx2<const N: usize>(&self, planes: [&[f32]; N], sums: &mut [Lanes; N]) {
+        self.add_by(planes, sums, f32::mul_add);
     }
 
     #[inline(always)]
-    fn add_plain(&self, planes: [&[f32]; PLANES], sums: &mut [Lanes; PLANES]) {
+    fn add_by<const N: usize>(
+        &self,
+        planes: [&[f32]; N],
+        sums: &mut [Lanes; N],
+        multiply_add: impl Fn(f32, f32, f32) -> f32,
+    ) {
         // A copy, and loops instead of closures: sums whose address is taken would live in memory.
         let mut own = *sums;
         for (place, weights) in self.places.iter().zip(self.weights.chunks_exact(self.n_lanes)) {
@@ -225,7 +275,7 @@ impl Around<'_> {
             for (plane, sums) in planes.iter().zip(&mut own) {
                 let values: &Lanes = plane[*place..].first_chunk().expect("a window reaches as far as its places");
                 for lane in 0..LANES {
-                    sums[lane] += weights[lane] * values[lane];
+                    sums[lane] = multiply_add(weights[lane], values[lane], sums[lane]);
                 }
             }
         }
@@ -249,6 +299,66 @@ impl Means {
 
     pub(super) fn plane_mut(&mut self, mean: usize, value: usize) -> &mut [f32] {
         &mut self.data[(mean * self.n_values + value) * self.n_bundles..][..self.n_bundles]
+    }
+
+    /// A value of all bundles as they are and of its means.
+    fn planes(&self, value: usize) -> [&[f32]; N_MIXED] {
+        array::from_fn(|mean| self.plane(mean, value))
+    }
+
+    /// A mixture of a value of all bundles; `out` is overwritten.
+    pub(super) fn mix(&self, value: usize, weights: [f64; N_MIXED], out: &mut Vec<f32>) {
+        out.clear();
+        out.resize(self.n_bundles, 0.0);
+        for (plane, weight) in self.planes(value).into_iter().zip(weights) {
+            out.iter_mut().zip(plane).for_each(|(out, x)| *out += x * weight as f32);
+        }
+    }
+
+    /// Adds the products of each two of what is mixed, over all bundles.
+    pub(super) fn add_products(&self, value: usize, gram: &mut [[f64; N_MIXED]; N_MIXED]) {
+        let planes = self.planes(value);
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: AVX2 was found.
+            return unsafe { add_products_avx2(planes, gram) };
+        }
+        add_products(planes, gram);
+    }
+}
+
+/// The same numbers, four at a time.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn add_products_avx2(planes: [&[f32]; N_MIXED], gram: &mut [[f64; N_MIXED]; N_MIXED]) {
+    add_products(planes, gram);
+}
+
+#[inline(always)]
+fn add_products(planes: [&[f32]; N_MIXED], gram: &mut [[f64; N_MIXED]; N_MIXED]) {
+    /// Numbers in double precision side by side.
+    const WIDE: usize = LANES / 2;
+    let mut sums = [[[0.0; WIDE]; N_MIXED]; N_MIXED];
+    for first in (0..planes[0].len()).step_by(WIDE) {
+        let mut values = [[0.0; WIDE]; N_MIXED];
+        for (values, plane) in values.iter_mut().zip(planes) {
+            match plane[first..].first_chunk::<WIDE>() {
+                Some(four) => *values = four.map(f64::from),
+                None => values.iter_mut().zip(&plane[first..]).for_each(|(to, x)| *to = f64::from(*x)),
+            }
+        }
+        for i in 0..N_MIXED {
+            for j in 0..=i {
+                for lane in 0..WIDE {
+                    sums[i][j][lane] += values[i][lane] * values[j][lane];
+                }
+            }
+        }
+    }
+    for i in 0..N_MIXED {
+        for j in 0..N_MIXED {
+            gram[i][j] += sums[i.max(j)][i.min(j)].iter().sum::<f64>();
+        }
     }
 }
 
@@ -311,12 +421,25 @@ mod tests {
                 let is_known = |bundle: u32| !bundle.is_multiple_of(5) || own.contains(&bundle);
                 let alike = Alike::new(&partition, block_idx, &Chance);
                 let mut planes = Planes::new(&alike.window, N_VALUES);
-                for bundle in (0..GRID[0] * GRID[1]).filter(|bundle| is_known(*bundle)) {
-                    if let Some(place) = alike.window.place(bundle % GRID[0], bundle / GRID[0]) {
-                        planes.set(place, &values(bundle));
-                    }
+                for line in alike.window.lines([0, 0, GRID[0], GRID[1]], GRID[0]) {
+                    let bundles = || (line.bundle..).take(line.nth.len());
+                    assert_eq!(line.bundle as usize, line.nth.start, "the grid as one tile");
+                    planes.set_known(line.place, bundles().map(is_known));
+                    let known = |bundle: u32| if is_known(bundle) { values(bundle) } else { [0.0; N_VALUES] };
+                    let known: Vec<_> = bundles().map(known).collect();
+                    planes.set(0, line.place, known.iter().map(|values| &values[..1]));
+                    planes.set(1, line.place, known.iter().map(|values| &values[1..]));
                 }
                 let means = planes.means(&alike);
+                for value in 0..N_VALUES {
+                    let mut gram = [[1.0; N_MIXED]; N_MIXED];
+                    means.add_products(value, &mut gram);
+                    for (i, j) in (0..N_MIXED).flat_map(|i| (0..N_MIXED).map(move |j| (i, j))) {
+                        let pairs = means.plane(i, value).iter().zip(means.plane(j, value));
+                        let want = 1.0 + pairs.map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
+                        assert!((gram[i][j] - want).abs() < 1e-9, "{tile}, {i}, {j}: {} {want}", gram[i][j]);
+                    }
+                }
                 for (nth, reach) in [0].into_iter().chain(REACHES).enumerate() {
                     for value in 0..N_VALUES {
                         for (got, bundle) in means.plane(nth, value).iter().zip(&own) {

@@ -156,7 +156,7 @@ impl Layout {
                 return None;
             }
             Some(shares.map(|(patch, near)| {
-                if near <= 0.0 || !self.is_seen(scene, (hit.origin(outward), outward), patch, samples_of(patch)) {
+                if near <= 0.0 || !self.is_seen(scene, (hit.origin(outward), outward), patch) {
                     return (patch, Vec3::ZERO);
                 }
                 let Extent { grazing, area_m2, .. } = self.extents[patch as usize];
@@ -171,13 +171,10 @@ impl Layout {
     }
 
     /// Whether what is above a place, `(origin of rays, outward)`, is seen from above a patch.
-    fn is_seen(&self, scene: &PreparedScene, place: (Vec3, Vec3), patch: u32, samples: &[PatchSample]) -> bool {
+    fn is_seen(&self, scene: &PreparedScene, place: (Vec3, Vec3), patch: u32) -> bool {
         let (radius_m, mut sampler) = (self.extents[patch as usize].radius_m, Sampler::new(0, SIGHT_STREAM, patch));
         let from = above(scene, place, radius_m, &mut sampler);
-        samples.iter().any(|sample| {
-            let eye = above(scene, (sample.position, sample.normal), radius_m, &mut sampler);
-            scene.transmittance(from, eye) != Vec3::ZERO
-        })
+        self.nearest.eyes(patch).iter().any(|eye| see_each_other(scene, from, *eye))
     }
 
     /// The patches that stand for a place, and their shares of its light: together 1 but where no patch reaches.
@@ -252,10 +249,14 @@ impl Layout {
     }
 }
 
-/// Whether places that look some way, each above its surface, see each other from so high above.
-pub(super) fn see_each_other(scene: &PreparedScene, places: [(Vec3, Vec3); 2], height_m: f32) -> bool {
+/// Whether no wall hides places from each other, each so high above its surface.
+pub(super) fn are_in_sight(scene: &PreparedScene, places: [(Vec3, Vec3); 2], height_m: f32) -> bool {
     let mut sampler = Sampler::new(0, SIGHT_STREAM, 0);
     let [from, to] = places.map(|place| above(scene, place, height_m, &mut sampler));
+    see_each_other(scene, from, to)
+}
+
+fn see_each_other(scene: &PreparedScene, from: Vec3, to: Vec3) -> bool {
     scene.transmittance(from, to) != Vec3::ZERO
 }
 
@@ -269,10 +270,8 @@ pub(super) fn hide<'a>(scene: &PreparedScene, nearest: &Nearest, samples_of: imp
         let eye = |at: &PatchSample| above(scene, (at.position, at.normal), at.patch_radius_m(), &mut sampler);
         samples_of(patch).iter().map(eye).collect()
     };
-    let eyes: Vec<Vec<Vec3>> = (0..nearest.centers().len() as u32).into_par_iter().map(eyes_of).collect();
-    let sees = |from: Vec3, to: Vec3| scene.transmittance(from, to) != Vec3::ZERO;
-    let of = |patch: u32| &eyes[patch as usize];
-    nearest.hide(|a, b| of(a).iter().any(|&from| of(b).iter().any(|&to| sees(from, to))));
+    let eyes = (0..nearest.centers().len() as u32).into_par_iter().map(eyes_of).collect();
+    nearest.hide(eyes, |from, to| see_each_other(scene, from, to));
 }
 
 /// The place so high above another one, along a unit vector, or half as high as the next surface.

@@ -97,7 +97,7 @@ pub(crate) fn learn(
     let high = met.iter().fold(Vec3::NEG_INFINITY, |high, met| high.max(met.position));
     let reach_m = REACH * (high - low).length().max(f32::MIN_POSITIVE);
     let sight = |a: &Met, b: &Met, radius_m: f32| {
-        layout::see_each_other(scene, [a, b].map(|met| (met.position, met.normal)), radius_m)
+        layout::are_in_sight(scene, [a, b].map(|met| (met.position, met.normal)), radius_m)
     };
     let (centers, mut samples, first) = cluster(&met, request.n_patches as usize, reach_m, &sight);
     let nearest = Arc::new(Nearest::new(centers, reach_m));

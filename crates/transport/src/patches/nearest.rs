@@ -47,17 +47,26 @@ pub(super) struct Nearest {
     leaves: Vec<Leaf>,
     /// Of each patch.
     around: Vec<Around>,
-    /// Of each patch those around it that a wall hides, once somebody has looked.
-    hidden: OnceLock<Vec<Vec<u32>>>,
+    /// Once somebody has looked.
+    sight: OnceLock<Sight>,
     /// Distance that a right angle between normals counts as, over the square root of two, m.
     reach_m: f32,
 }
 
-/// All else follows from these, but for what is hidden, which no file holds.
+/// All else follows from these, but for who sees whom, which no file holds.
 impl PartialEq for Nearest {
     fn eq(&self, other: &Self) -> bool {
         (&self.centers, self.reach_m) == (&other.centers, other.reach_m)
     }
+}
+
+/// Who sees whom.
+#[derive(Debug)]
+struct Sight {
+    /// Of each patch the places above it that look around.
+    eyes: Vec<Vec<Vec3>>,
+    /// Of each patch those around it that a wall hides.
+    hidden: Vec<Vec<u32>>,
 }
 
 /// Where a part of the tree is divided.
@@ -98,7 +107,7 @@ impl Nearest {
         let mut order: Vec<u32> = (0..centers.len() as u32).collect();
         let n_leaves = centers.len().div_ceil(LEAF).next_power_of_two();
         let (splits, leaves) = (vec![Split::default(); n_leaves - 1], vec![Leaf::EMPTY; n_leaves]);
-        let mut nearest = Nearest { centers, splits, leaves, around: Vec::new(), hidden: OnceLock::new(), reach_m };
+        let mut nearest = Nearest { centers, splits, leaves, around: Vec::new(), sight: OnceLock::new(), reach_m };
         nearest.divide(0, &mut order);
         nearest.around = nearest.centers.par_iter().map(|center| nearest.around(center)).collect();
         nearest
@@ -106,12 +115,19 @@ impl Nearest {
 
     /// Whether it is known which patches are hidden from each other.
     pub fn knows_hidden(&self) -> bool {
-        self.hidden.get().is_some()
+        self.sight.get().is_some()
     }
 
-    /// Looks which patches around one, of those that look the same way, are hidden from it. They share no point: beyond a wall there is other
-    /// light.
-    pub fn hide(&self, is_seen: impl Fn(u32, u32) -> bool + Sync) {
+    /// The places above a patch that look around; none where nobody has looked yet.
+    pub fn eyes(&self, patch: u32) -> &[Vec3] {
+        self.sight.get().map_or(&[], |sight| &sight.eyes[patch as usize])
+    }
+
+    /// Looks, from places above each patch, which patches around it, of those that look the same way, are hidden from it. They share no
+    /// point: beyond a wall there is other light.
+    pub fn hide(&self, eyes: Vec<Vec<Vec3>>, sees: impl Fn(Vec3, Vec3) -> bool + Sync) {
+        let of = |patch: u32| &eyes[patch as usize];
+        let is_seen = |a: u32, b: u32| of(a).iter().any(|&from| of(b).iter().any(|&to| sees(from, to)));
         let of_patch = |patch: usize| {
             let center = self.centers[patch];
             let found = self.sought::<NEIGHBORS>(center.position, center.normal);
@@ -132,7 +148,7 @@ impl Nearest {
             }
         }
         // Who looked at the same time saw the same.
-        let _ = self.hidden.set(hidden);
+        let _ = self.sight.set(Sight { eyes, hidden });
     }
 
     /// Divides patches in two along their longest side, and both halves in turn, from a place in the tree downward.
@@ -184,7 +200,7 @@ impl Nearest {
         // Weights fall to zero where another patch becomes the farthest.
         let limit = found.squared[SHARING];
         let weight = |squared: f32| if limit.is_finite() { (1.0 - squared / limit).max(0.0).powi(2) } else { 1.0 };
-        let hidden = self.hidden.get().and_then(|hidden| hidden.get(found.patches[0] as usize));
+        let hidden = self.sight.get().and_then(|sight| sight.hidden.get(found.patches[0] as usize));
         let hidden = hidden.map_or(&[][..], Vec::as_slice);
         let has_part = |i: usize| i < found.n && !hidden.contains(&found.patches[i]);
         let weights = std::array::from_fn(|i| if has_part(i) { weight(found.squared[i]) } else { 0.0 });
@@ -416,7 +432,8 @@ mod tests {
     fn patches_that_are_hidden_share_no_point() {
         let nearest =
             Nearest::new((0..40).map(|i| Center { position: Vec3::X * i as f32, normal: Vec3::Y }).collect(), 1.0);
-        nearest.hide(|a, b| (a < 20) == (b < 20));
+        let eyes = nearest.centers().iter().map(|center| vec![center.position]).collect();
+        nearest.hide(eyes, |a, b| (a.x < 19.5) == (b.x < 19.5));
         let sharing = |x: f32| {
             let (patches, weights) = nearest.weights(Vec3::X * x, Vec3::Y);
             let mut sharing: Vec<u32> =

@@ -41,8 +41,9 @@ const ASKED_CORES: usize = 2;
 const ASKED_OF_DEVICE: (Film, f64) = (Film { width: 1920, height: 1080 }, 4.0);
 /// Events of one drag.
 const EVENTS: [usize; 2] = [60, 400];
-/// The same where a device relights, which takes much longer where it is none of hardware.
+/// The same where a device relights, and where that is none of hardware, which takes much longer.
 const DEVICE_EVENTS: [usize; 2] = [20, 150];
+const SOFTWARE_EVENTS: [usize; 2] = [20, 50];
 
 /// Drags a slider of one lamp and times the pictures.
 ///
@@ -50,11 +51,11 @@ const DEVICE_EVENTS: [usize; 2] = [20, 150];
 /// If the scene cannot be prepared, or a picture does not come.
 pub fn write(desk: &Desk) -> Result<String> {
     let table = table(desk, "latency", DeviceChoice::Any)?;
-    let (n_events, n_device_events) =
-        (desk.choose(EVENTS[0], EVENTS[1]), desk.choose(DEVICE_EVENTS[0], DEVICE_EVENTS[1]));
+    let [n_events, n_device_events, n_software_events] =
+        [EVENTS, DEVICE_EVENTS, SOFTWARE_EVENTS].map(|[quick, full]| desk.choose(quick, full));
     Ok(format!(
         "## Latency\n\n\
-         One slider dragged, once at each size and by each that relights, each event sent when the picture of the one before is there: {n_events} events on the CPU, {n_device_events} on a graphics device. {LAMPS} lamps and a\n\
+         One slider dragged, once at each size and by each that relights, each event sent when the picture of the one before is there: {n_events} events on the CPU, {n_device_events} on a graphics device, {n_software_events} on a driver without hardware. {LAMPS} lamps and a\n\
          panel of {TEXELS} × {TEXELS} texels: blocks of rank {LAMPS} for the lamps, as they are kept apart, and of rank 0 to {RANK} for the panel, with random factors of seed {}, so that every block moves and none is left out for being unseen. Milliseconds on {} threads.\n\
          On the CPU from the event to the end of the frame that draws its picture, triangles of the interface made. On a device from the event until the\n\
          device has all commands of that frame, those of relighting and those that draw the window of 1440 × 900, into a picture instead of a screen. A driver without hardware\n\
@@ -99,14 +100,16 @@ fn of_size(desk: &Desk, film: Film, choice: DeviceChoice) -> Result<String> {
     rows += &format!("| {size} | of that, drawing one frame of the window | {} |\n", quantiles(drag.frames, None));
     for painter in Painter::all(choice) {
         desk.say(&format!("the same on {}", painter.name()));
-        rows += &on_device(painter, &size, &path, &bake, desk.choose(DEVICE_EVENTS[0], DEVICE_EVENTS[1]))?;
+        rows += &on_device(painter, &size, &path, &bake, desk)?;
     }
     Ok(rows)
 }
 
 /// The rows of a device: the whole way, what of it the window's thread works, and handing over relighting alone.
-fn on_device(painter: Painter, size: &str, path: &Path, bake: &Bake, n_events: usize) -> Result<String> {
+fn on_device(painter: Painter, size: &str, path: &Path, bake: &Bake, desk: &Desk) -> Result<String> {
     let (name, gpu) = (painter.name(), painter.gpu());
+    let [quick, full] = if gpu.is_software() { SOFTWARE_EVENTS } else { DEVICE_EVENTS };
+    let n_events = desk.choose(quick, full);
     let drag = Window::open(path, Some(painter))?.drag(n_events)?;
     let film = Film { width: bake.header.width, height: bake.header.height };
     let asked_ms = (film == ASKED_OF_DEVICE.0 && !gpu.is_software()).then_some(ASKED_OF_DEVICE.1);
