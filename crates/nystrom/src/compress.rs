@@ -79,7 +79,7 @@ pub struct ColumnGroup {
     pub share: f32,
     /// Where columns are looked at one by one: root mean square of a column in a block from which on an absolute tolerance is taken as
     /// it is. Of a weaker one, down to 42 dB below that, the block may lack as much less as it is weaker, however strong the others
-    /// are: they hide no error of a picture that they are not in. 0: columns are looked at together, see [`CompressConfig::strong`].
+    /// are: they hide no error of a product that they are not in. 0: columns are looked at together, see [`CompressConfig::strong`].
     pub apart: f32,
 }
 

@@ -270,24 +270,24 @@ struct Unrounded<'a> {
 }
 
 /// Which columns are not zero everywhere; the others have no part in any product, and get none of what is given back to the kept one.
-fn lit_columns(matrix: &BlockLowRank, n_cols: usize) -> Vec<bool> {
-    let mut lit = vec![false; n_cols];
+fn nonzero_columns(matrix: &BlockLowRank, n_cols: usize) -> Vec<bool> {
+    let mut nonzero = vec![false; n_cols];
     for factors in matrix.blocks.iter().flatten() {
-        if lit.iter().all(|is_lit| *is_lit) {
+        if nonzero.iter().all(|is_nonzero| *is_nonzero) {
             break;
         }
         for row in factors.right.chunks_exact(n_cols.max(1)) {
-            lit.iter_mut().zip(row).for_each(|(is_lit, x)| *is_lit |= *x != f16::ZERO);
+            nonzero.iter_mut().zip(row).for_each(|(is_nonzero, x)| *is_nonzero |= *x != f16::ZERO);
         }
     }
-    lit
+    nonzero
 }
 
 impl<'a> Packer<'a> {
     fn new(matrix: &'a BlockLowRank, layout: &'a Layout, plan: &'a PackPlan) -> Self {
-        let lit = lit_columns(matrix, layout.n_cols());
-        let weigh = |(&x, &is_lit): (&f32, &bool)| if is_lit { f64::from(x) } else { 0.0 };
-        let preserved: Vec<f64> = plan.preserved.iter().zip(&lit).map(weigh).collect();
+        let nonzero = nonzero_columns(matrix, layout.n_cols());
+        let weigh = |(&x, &is_nonzero): (&f32, &bool)| if is_nonzero { f64::from(x) } else { 0.0 };
+        let preserved: Vec<f64> = plan.preserved.iter().zip(&nonzero).map(weigh).collect();
         let norm = preserved.iter().map(|x| x.powi(2)).sum::<f64>().sqrt();
         let is_direction = norm > 0.0 && norm.is_finite() && plan.preserved.len() == layout.n_cols();
         let unit = |x: &f64| (x / norm) as f32;

@@ -25,7 +25,7 @@ pub(crate) fn preserve(
     goal: f64,
     level: Option<&Level>,
 ) -> Added {
-    let direction = lit_part(means, direction);
+    let direction = nonzero_part(means, direction);
     let norm = direction.iter().map(|x| x.powi(2)).sum::<f64>().sqrt();
     if norm == 0.0 || !norm.is_finite() || means.mean.data.iter().all(|&x| x == 0.0) {
         return [0.0; 2];
@@ -53,7 +53,7 @@ pub(crate) fn preserve(
 /// Noise of the product of the mean of two samplings with a direction, which stays in it whatever the rank: mean square over the square of
 /// the product at the peaks, 1, of all columns that are not zero.
 pub(crate) fn product_noise(means: &Means, direction: &[f32]) -> f64 {
-    let direction = lit_part(means, direction);
+    let direction = nonzero_part(means, direction);
     let peak: f64 = direction.iter().map(|x| x.abs()).sum();
     if peak == 0.0 || means.is_exact() {
         return 0.0;
@@ -64,14 +64,14 @@ pub(crate) fn product_noise(means: &Means, direction: &[f32]) -> f64 {
 }
 
 /// A direction without the columns that are zero in both halves, which have no part in the product and get none of its residual.
-fn lit_part(means: &Means, direction: &[f32]) -> Vec<f64> {
-    let mut is_lit = vec![false; direction.len()];
+fn nonzero_part(means: &Means, direction: &[f32]) -> Vec<f64> {
+    let mut is_nonzero = vec![false; direction.len()];
     for half in [&means.a, &means.b] {
         for row in half.data.chunks_exact(direction.len().max(1)) {
-            is_lit.iter_mut().zip(row).for_each(|(is_lit, x)| *is_lit |= *x != 0.0);
+            is_nonzero.iter_mut().zip(row).for_each(|(is_nonzero, x)| *is_nonzero |= *x != 0.0);
         }
     }
-    direction.iter().zip(is_lit).map(|(&x, is_lit)| if is_lit { f64::from(x) } else { 0.0 }).collect()
+    direction.iter().zip(is_nonzero).map(|(&x, is_nonzero)| if is_nonzero { f64::from(x) } else { 0.0 }).collect()
 }
 
 /// Of each row in both halves the product with the direction.

@@ -57,7 +57,7 @@ impl Judge {
             let tolerance = group.tolerance;
             fill(means, parts, group, block_idx)?;
             let known = self.fitted.filter(|_| nth == first);
-            // One column may be all that shines: its noise is little in the mean of many.
+            // One column may be all that a product asks for: its noise is little in the mean of many.
             if remaining * product_noise_share(means, &group.preserved, tolerance) > ENOUGH {
                 *self = Self { group: nth, fitted: known };
                 return Ok(false);

@@ -337,10 +337,10 @@ fn what_is_zero_stays_zero_however_coarse_the_step() {
         assert!(packed.tells_zeros());
         let unpacked = packed.unpack().unwrap();
         for rows in [unpacked.apply(&x), packed.product().unwrap().apply(&x)] {
-            let is_lit = |bundle: &u32| rows[3 * *bundle as usize..][..3].iter().any(|x| *x != 0.0);
-            let lit: Vec<u32> = (0..WIDTH * HEIGHT).filter(is_lit).collect();
-            assert!(lit.len() > 200, "{allowed}: {} bundles", lit.len());
-            assert!(!lit.iter().any(|bundle| is_empty(*bundle)), "{allowed}: light where nothing is");
+            let is_nonzero = |bundle: &u32| rows[3 * *bundle as usize..][..3].iter().any(|x| *x != 0.0);
+            let nonzero: Vec<u32> = (0..WIDTH * HEIGHT).filter(is_nonzero).collect();
+            assert!(nonzero.len() > 200, "{allowed}: {} bundles", nonzero.len());
+            assert!(!nonzero.iter().any(|bundle| is_empty(*bundle)), "{allowed}: something where nothing is");
         }
         let (error, said) = (difference(&matrix, &unpacked), f64::from(unpacked.mean_error().truncation) - 1e-7);
         assert!(error <= 1.05 * WORST_BLOCK * f64::from(allowed), "{allowed}: {error}");

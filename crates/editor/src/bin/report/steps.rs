@@ -29,6 +29,8 @@ const OWN: &str = "gallery";
 const STEP: Film = Film { width: 1024, height: 768 };
 /// Steps that are timed, the median counts.
 const STEPS: u32 = 7;
+/// The same where the device is a driver without hardware, which takes minutes for what a card does in milliseconds.
+const SOFTWARE_STEPS: u32 = 1;
 /// Samples per pixel of the bake that is relit.
 const SPP: u32 = 4;
 /// Lamps of which one moves, in the scene of our own.
@@ -52,7 +54,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Steps of a moved lamp\n\n\
          *Whole* is what the window does from a lamp that has moved to the picture on the screen of 1024 × 768, its own drawing aside: one sample of the direct light of each pixel, the irradiance of\n\
          all {DEFAULT_PATCHES} patches, all columns of the bake (of {SPP} samples per pixel) relit, both summed and encoded, on the CPU or with the graphics device; a lamp that rests for 0.1 s is\n\
-         refined as it is there. A *point, one of {}* (or of {}) moves while the others stand, all of which have had their first light; of it only *whole* is told. The *ies* lamp is a point with a measured distribution; *directional* light comes from 37° above the horizon and is turned, and is as dark as walls leave it. Goals: {} ms on a CPU of two threads, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians of {STEPS} steps, of the whole with least…greatest. The bake has seed 0. Shadow rays that nothing needs\n\
+         refined as it is there. A *point, one of {}* (or of {}) moves while the others stand, all of which have had their first light; of it only *whole* is told. The *ies* lamp is a point with a measured distribution; *directional* light comes from 37° above the horizon and is turned, and is as dark as walls leave it. Goals: {} ms on a CPU of two threads, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians of {STEPS} steps ({SOFTWARE_STEPS} where the device is a driver without hardware), of the whole with least…greatest. The bake has seed 0. Shadow rays that nothing needs\n\
          are not cast. Where *whole* misses its goal, the columns behind it tell which part takes the time; what a device leaves to the CPU, and what it takes, [decision 0026](decisions/0026-the-device-lights-lamps-and-leaves-what-it-does-not-know.md) tells. `kernel` is the direct light on the graphics device by the device's own clock, `back` when the CPU can read it, `device` when the CPU has added what was left to it.\n\
          {device} {}\n\n{table}",
         CROWDS[0],
@@ -118,12 +120,13 @@ fn rows(
     let patches = bake.header.patches.as_ref().context("no patches")?;
     let goal_of_cpu = (rayon::current_num_threads() <= 2).then_some(GOALS_MS[0]);
     let (mut rows, at) = (String::new(), place(scene, camera, STEP, 0));
+    let n_on_device = if gpu.is_some_and(Gpu::is_software) { SOFTWARE_STEPS } else { STEPS };
     for shape in kinds {
         let moved = |nth: u32| stepped(shape, at, nth);
-        let whole = whole_cells(Window::new(bake, scene, camera, None)?, &moved, goal_of_cpu)?;
+        let whole = whole_cells(Window::new(bake, scene, camera, None)?, (&moved, STEPS), goal_of_cpu)?;
         let with_device = gpu.map_or(Ok("—".into()), |gpu| {
             let goal_ms = (!gpu.is_software()).then_some(GOALS_MS[1]);
-            whole_cells(Window::new(bake, scene, camera, Some(gpu))?, &moved, goal_ms)
+            whole_cells(Window::new(bake, scene, camera, Some(gpu))?, (&moved, n_on_device), goal_ms)
         })?;
         let (mut direct_steps, mut patch_ms, mut device_steps) = (vec![], vec![], vec![]);
         for nth in 0..STEPS {
@@ -132,7 +135,7 @@ fn rows(
             let direct_ms = timed_ms(|| points.direct(scene, &lamps, 0, &|| false));
             direct_steps.push([direct_ms, (points.n_rays() - before) as f64]);
             patch_ms.push(timed_ms(|| lamps.light_on_patches(scene, patches)));
-            if let Some(device) = &mut device {
+            if let Some(device) = device.as_mut().filter(|_| nth < n_on_device) {
                 device_steps.push(device.step(scene, &points, &lamps)?);
             }
         }
@@ -147,7 +150,8 @@ fn rows(
         for n_lamps in CROWDS {
             let mut window = Window::new(bake, scene, camera, None)?;
             window.stand(standing(n_lamps - 1, |nth| place(scene, camera, STEP, nth)));
-            let whole = whole_cells(window, &|nth| stepped(&LampShape::Point, at, nth), goal_of_cpu)?;
+            let moved = |nth: u32| stepped(&LampShape::Point, at, nth);
+            let whole = whole_cells(window, (&moved, STEPS), goal_of_cpu)?;
             rows += &format!("| {name} | point, one of {n_lamps} | {whole} |{}\n", " — |".repeat(9));
         }
     }
@@ -171,10 +175,14 @@ fn ms_since(begun: Instant) -> f64 {
 }
 
 /// The median of the steps of a lamp in the window, and whether it keeps its goal, if it has one.
-fn whole_cells(mut window: Window, moved: &dyn Fn(u32) -> FreeLamp, goal_ms: Option<f64>) -> Result<String> {
+fn whole_cells(
+    mut window: Window,
+    (moved, n_steps): (&dyn Fn(u32) -> FreeLamp, u32),
+    goal_ms: Option<f64>,
+) -> Result<String> {
     // The first step looks at the scene and takes the bake over.
     window.step(moved(STEPS))?;
-    let ms = (0..STEPS).map(|nth| Ok(1e3 * window.step(moved(nth))?)).collect::<Result<Vec<f64>>>()?;
+    let ms = (0..n_steps).map(|nth| Ok(1e3 * window.step(moved(nth))?)).collect::<Result<Vec<f64>>>()?;
     let [least, middle, most] = spread(&ms);
     let words = format!("{middle:.0} ms ({least:.0}…{most:.0})");
     Ok(goal_ms.map_or(words.clone(), |goal| format!("{words}, {}", Goal::Most(goal).word(middle))))

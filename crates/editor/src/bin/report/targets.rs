@@ -43,6 +43,8 @@ const RATIOS: [(&str, f64, Option<f64>); 6] = [
     ("mixed", 40.0, Some(188.0)),
     ("mixed", 35.0, None),
 ];
+/// Times as large a ratio as is aimed at would be better yet.
+const STRETCH: f64 = 1.25;
 /// Times that ours is measured.
 const ROUNDS: usize = 3;
 /// Seeds of Algorithm 4's k-means, from 0 on.
@@ -429,7 +431,8 @@ impl Goals {
             self.push(format!("{what}, {at}"), asked, value(ours), (is_kept, beside(value)));
         };
         if let Some(aim) = aim {
-            push("dense / bytes", format!("≥ {aim}×"), ours.ratio >= aim, &|coded| format!("{:.0}×", coded.ratio));
+            let goal = format!("≥ {aim}×, stretch {:.0}×", STRETCH * aim);
+            push("dense / bytes", goal, ours.ratio >= aim, &|coded| format!("{:.0}×", coded.ratio));
         }
         let is_kept = over_least(subject, ours).is_some_and(|ratio| ratio <= 1.25);
         push("mean rank over the least", "≤ 1.25".into(), is_kept, &|coded| {
@@ -443,13 +446,6 @@ impl Goals {
             &|coded| format!("{:.1}, {:.1}", decibels(coded.judged.mean_square()), coded.judged.worst_db()),
         );
         push("seams", "≤ 1.2".into(), ours.judged.seams <= 1.2, &|coded| format!("{:.2}", coded.judged.seams));
-        let told = ours.judged.told_well();
-        push(
-            "errors that the halves tell to 0.8 … 1.25, where there is no noise to judge",
-            "≥ 90 %".into(),
-            told >= 0.9,
-            &|coded| format!("{:.1} %", 100.0 * coded.judged.told_well()),
-        );
         if target_db == 45.0 {
             let is_kept = ours.multiply_adds[0] <= 45.0;
             push("multiply-adds, as unpacked / in cosines", "≤ 45".into(), is_kept, &|coded| {
@@ -462,6 +458,11 @@ impl Goals {
                 format!("{:.1} + {:.1}", coded.millis[0], coded.millis[1])
             });
         }
+        let told = |coded: &Coded| format!("{:.1} %", 100.0 * coded.judged.told_well());
+        let what = format!("errors that the halves tell to 0.8 … 1.25, {at}");
+        let words = beside(&told);
+        self.figure(what, "both halves are the matrix", told(ours));
+        self.beside(words);
         Ok(())
     }
 

@@ -153,11 +153,12 @@ fn table_rows(found: &[Row], n_blocks: usize, tolerance_db: f64) -> String {
 fn sharp_goals(goals: &mut Goals, (coded, found): (&Coded, &[Row]), n_cols: usize, target_db: f64) {
     let at = format!("{n_cols} columns, sharp shadows, at {target_db} dB");
     if target_db == TOLERANCES_DB[0] {
-        goals.at_least(format!("dense / bytes, {at}"), RATIO, coded.ratio, format!("{:.0}×", coded.ratio));
+        let ours = format!("{:.0}×{}", coded.ratio, on_theirs(found, words));
+        goals.at_least(format!("dense / bytes, {at}"), RATIO, coded.ratio, ours);
         goals.beside(beside(found, words));
     }
     let [unpacked, in_cosines] = coded.multiply_adds;
-    let ours = format!("{unpacked:.0} / {in_cosines:.0}");
+    let ours = format!("{unpacked:.0} / {in_cosines:.0}{}", on_theirs(found, multiply_adds));
     goals.at_most(format!("multiply-adds, as unpacked / in cosines, {at}"), MULTIPLY_ADDS, unpacked, ours);
     goals.beside(beside(found, multiply_adds));
 }
@@ -186,6 +187,11 @@ fn baked_goals(goals: &mut Goals, found: &[Row], n_cols: usize, target_db: f64) 
 
 /// A figure of a row, in words.
 type Figure = fn(&Found) -> String;
+
+/// A figure of ours on those blocks that the others have, in words.
+fn on_theirs(found: &[Row], value: Figure) -> String {
+    found.first().map_or(String::new(), |ours| format!(", on the blocks of the others {}", ours.words(value)))
+}
 
 /// Figures of all methods but ours, in words.
 fn beside(found: &[Row], value: Figure) -> String {
