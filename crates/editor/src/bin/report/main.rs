@@ -2,7 +2,7 @@
 //! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [--into DIR] [SECTION]…`
 //!
-//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room`, `matrix-panel`, `lamps-others` and `lamps-living-room` where their scenes are, `peers` where another renderer is), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
+//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room`, `paper-room`, `matrix-panel`, `lamps-others` and `lamps-living-room` where their scenes are, `peers` where another renderer is), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
 //! it is finished by the same program on the same machine. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
@@ -56,6 +56,7 @@ use anyhow::{Context, Result};
 
 use desk::Desk;
 use page::Page;
+use paper::conference;
 
 /// A part of the page that is measured and written by itself.
 struct Section {
@@ -72,7 +73,7 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 29] = [
+const SECTIONS: [Section; 31] = [
     Section { name: "time", write: time::write },
     Section { name: time::MIRRORS, write: time::write_mirrors },
     Section { name: time::MIXED, write: time::write_mixed },
@@ -80,6 +81,7 @@ const SECTIONS: [Section; 29] = [
     Section { name: time::LIVING_ROOM, write: time::write_living_room },
     Section { name: time::SECONDS, write: time::seconds::write },
     Section { name: "paper", write: paper::write },
+    Section { name: conference::NAME, write: conference::write },
     Section { name: "growth", write: growth::write },
     Section { name: "fronts", write: fronts::write },
     Section { name: "sitting", write: sitting::write },
@@ -101,15 +103,17 @@ const SECTIONS: [Section; 29] = [
     Section { name: lamps::OTHERS, write: lamps::write_others },
     Section { name: lamps::LIVING_ROOM, write: lamps::write_living_room },
     Section { name: lamps::more::NAME, write: lamps::more::write },
+    Section { name: lamps::more::CAUSTICS, write: lamps::more::write_caustics },
     Section { name: "steps", write: steps::write },
 ];
 
 /// What `--quick` alone measures: it aims at under five minutes on two cores.
-const IN_A_HURRY: [&str; 14] = [
+const IN_A_HURRY: [&str; 15] = [
     "time",
     time::OTHERS,
     time::SECONDS,
     "paper",
+    conference::NAME,
     "growth",
     "fronts",
     "sitting",
@@ -234,6 +238,7 @@ fn can_be_measured(desk: &Desk, section: &Section) -> bool {
         time::LIVING_ROOM => time::has_living_room(desk),
         lamps::OTHERS => lamps::has_others(desk),
         lamps::LIVING_ROOM => lamps::has_living_room(desk),
+        conference::NAME => conference::has_room(desk),
         matrix::PANEL => matrix::has_panel(desk),
         peers::NAME => {
             let missing = peers::missing(desk);

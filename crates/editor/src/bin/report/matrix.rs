@@ -219,7 +219,8 @@ fn repeats(
 ) -> Result<Repeats> {
     let bake = |seed: u64| {
         // Where light is traced, no pixel tells another, and no number of a block another one.
-        let (denoise, smooth) = (indirect == Indirect::Shared, indirect == Indirect::Shared);
+        let noise_is_taken_out = indirect == Indirect::Shared;
+        let (denoise, smooth) = (noise_is_taken_out, noise_is_taken_out);
         let bounces = BOUNCES;
         let config =
             BakeConfig { spp, tolerance_db, bounces, seed, indirect, denoise, smooth, ..BakeConfig::default() };

@@ -51,7 +51,6 @@ pub fn write(desk: &Desk) -> Result<String> {
     measured += &ratios::write(desk)?;
     measured += &noise::write(desk)?;
     measured += &plain::write(desk)?;
-    measured += &conference::write(desk)?;
     measured += &open::write(desk)?;
     Ok(format!(
         "## The method's own evaluation, redone\n\n\

@@ -2,6 +2,7 @@
 
 mod again;
 mod boxed;
+mod idle;
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -68,6 +69,8 @@ struct Subject {
     under_sky: bool,
     /// Whether a lamp is added that a closed box surrounds.
     has_boxed_lamp: bool,
+    /// Whether an image is added that nothing samples.
+    has_idle_image: bool,
     film: Film,
 }
 
@@ -75,14 +78,16 @@ impl Subject {
     /// Rooms of `assets/scenes`, and an open courtyard where it is at hand, of which fewer pixels are baked in a hurry.
     fn all(desk: &Desk, film: Film) -> Vec<Subject> {
         let own = |name: &str| desk.root.join(format!("assets/scenes/{name}.glb"));
-        let room = Subject { name: "gallery", path: own("gallery"), under_sky: false, has_boxed_lamp: false, film };
-        let closed = Subject { name: "diffuse", path: own("diffuse"), under_sky: true, ..room };
+        let [under_sky, has_boxed_lamp, has_idle_image] = [false, false, true];
+        let room = Subject { name: "gallery", path: own("gallery"), under_sky, has_boxed_lamp, has_idle_image, film };
+        let closed = Subject { name: "diffuse", path: own("diffuse"), under_sky: true, has_idle_image: false, ..room };
         let half = Film { width: film.width / 2, height: film.height / 2 };
         let open = desk.shared("references/bench-sponza20.glb").map(|path| Subject {
             name: "sponza20",
             path,
             under_sky: true,
             has_boxed_lamp: true,
+            has_idle_image: false,
             film: desk.choose(half, film),
         });
         [room, closed].into_iter().chain(open).collect()
@@ -91,7 +96,8 @@ impl Subject {
     fn title(&self) -> String {
         let sky = if self.under_sky { " under a uniform sky of patches" } else { "" };
         let lamp = if self.has_boxed_lamp { ", with a lamp in a closed box" } else { "" };
-        format!("{}{sky}{lamp}, {} × {} pixels", self.name, self.film.width, self.film.height)
+        let image = if self.has_idle_image { ", with an image that nothing samples" } else { "" };
+        format!("{}{sky}{lamp}{image}, {} × {} pixels", self.name, self.film.width, self.film.height)
     }
 
     fn prepared(&self, skips: Skips) -> Result<Arc<PreparedScene>> {
@@ -169,6 +175,12 @@ pub fn write(desk: &Desk) -> Result<String> {
 
 fn table(desk: &Desk, subject: &Subject, spp: u32) -> Result<String> {
     let name = subject.name;
+    let mut path = subject.path.clone();
+    if subject.has_idle_image {
+        path = PathBuf::from(desk.file(&format!("{name}.glb")));
+        idle::copy(&subject.path, &path)?;
+    }
+    let subject = &Subject { path, ..*subject };
     desk.say(&format!("{name}: what its bakes are held against"));
     let judge = Judge::new(desk, subject)?;
     let ways = ways();
@@ -303,7 +315,9 @@ mod tests {
         let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/scenes/diffuse.glb"));
         let film = Film { width: 16, height: 16 };
         let dark = [false, true].map(|has_boxed_lamp| {
-            let subject = Subject { name: "diffuse", path: path.clone(), under_sky: false, has_boxed_lamp, film };
+            let [under_sky, has_idle_image] = [false, false];
+            let subject =
+                Subject { name: "diffuse", path: path.clone(), under_sky, has_boxed_lamp, has_idle_image, film };
             let config = BakeConfig { spp: 2, tolerance_db: TOLERANCE_DB, ..Default::default() };
             attempt(&subject, &config, Skips::default()).unwrap().0.figures().skipped.dark_lamp_columns
         });

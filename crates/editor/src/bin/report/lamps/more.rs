@@ -17,8 +17,9 @@ use super::tables::{Goals, decibels, percent};
 use super::{BAKE_SPP, Case, Change, LUMEN, QUICK, TRACED_SPP, Traced, USUAL, WIDTHS, profile, sun};
 use crate::desk::Desk;
 
-/// Its name.
+/// Names of the sections: together they take more than half an hour.
 pub const NAME: &str = "lamps-more";
+pub const CAUSTICS: &str = "lamps-caustics";
 /// Places of each kind of lamp.
 const N_PLACES: usize = 3;
 /// Distance of the places from surfaces: no body reaches into one.
@@ -41,34 +42,87 @@ struct Told {
     spots: String,
 }
 
-/// Scenes, and kinds of lamps in each. A point has no caustics in traced pictures either, bodies have.
-fn scenes(desk: &Desk) -> Result<Vec<(Case, Vec<LampShape>)>> {
+/// Rooms, and kinds of lamps in each.
+fn rooms(desk: &Desk) -> Result<Vec<(Case, Vec<LampShape>)>> {
     let measured = profile(desk.file("lamp.ies"))?;
     let (rectangle, disk) = (LampShape::Rectangle { size_m: [0.6, 0.3] }, LampShape::Disk { radius_m: 0.1 });
     let spot = LampShape::Spot { inner_rad: 0.3, outer_rad: 0.6 };
-    let round = vec![LampShape::Point, disk.clone(), LampShape::Sphere { radius_m: 0.1 }];
     Ok(vec![
         (case(desk, "gallery", "gallery", None), vec![rectangle, spot, disk, measured]),
         (case(desk, "gallery with glass", "gallery", Some(sun::glaze)), vec![sun::SUN]),
-        (case(desk, "caustics", "caustics", None), round.clone()),
-        (case(desk, "reflections", "reflections", None), round),
     ])
+}
+
+/// Scenes of glass and mirrors. A point has no caustics in traced pictures either, bodies have.
+fn mirrors(desk: &Desk) -> Vec<(Case, Vec<LampShape>)> {
+    let round = vec![LampShape::Point, LampShape::Disk { radius_m: 0.1 }, LampShape::Sphere { radius_m: 0.1 }];
+    ["caustics", "reflections"].map(|name| (case(desk, name, name, None), round.clone())).into()
 }
 
 fn case(desk: &Desk, name: &'static str, file: &str, change: Option<Change>) -> Case {
     Case { name, path: desk.root.join(format!("assets/scenes/{file}.glb")), sky: None, change }
 }
 
-/// A table of scenes and kinds of lamps.
+/// A table of kinds of lamps, and one of spots with more patches.
 ///
 /// # Errors
 /// A scene that cannot be read, or a bake that fails.
 pub fn write(desk: &Desk) -> Result<String> {
+    let tables = measured(desk, NAME, rooms(desk)?)?;
+    Ok(format!(
+        "## More kinds of lamps\n\n\
+         Lamps of {LUMEN} lm that aim down, a rectangle of 0.6 × 0.3 m, a spot of 0.6 rad from its axis to its rim, a disk of 0.1 m radius, and a point with a measured distribution (*ies*), wide and to one side, that the report writes itself. \
+         {} The gallery is closed, so that parallel light (*directional*; {} lx, half a degree from rim to rim) \
+         is told of another one, whose clerestory has clear glass in place of the panes that shine: it comes through the middle of that to each place, and brings about as many lumens in. {}\n\n{}\n\
+         ### Goals of more kinds of lamps\n\n{}\n\
+         ### Spots with more patches\n\n\
+         The spot of the gallery once more, at the same places and against the same pictures. There are about as many columns however many patches: what falls with more patches was their size, what falls with more samples noise of the bake; \
+         what stays is neither. *Held out* is by how much columns differ from patches under lamps that they were not learned from.\n\n\
+         | patches | samples | columns | held out | energy | L2 | without worst | PSNR | alone |\n|---|---|---|---|---|---|---|---|---|\n{}",
+        tables.how,
+        sun::LUX,
+        desk.load_words(),
+        tables.light,
+        tables.goals,
+        tables.spots,
+    ))
+}
+
+/// A table of lamps before mirrors and glass.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_caustics(desk: &Desk) -> Result<String> {
+    let tables = measured(desk, CAUSTICS, mirrors(desk))?;
+    Ok(format!(
+        "## Caustics of lamps that were added\n\n\
+         Lamps of {LUMEN} lm, a point, and a disk that aims down and a sphere of 0.1 m radius. {} \
+         Traced pictures have caustics where a lamp has a body; beside a point, which throws none there either, the rows of bodies show how much light is missing (energy) and how far off that leaves the indirect light (L2). {}\n\n{}\n\
+         ### Goals of lamps before mirrors and glass\n\n{}",
+        tables.how,
+        desk.load_words(),
+        tables.light,
+        tables.goals,
+    ))
+}
+
+/// What a section tells.
+struct Tables {
+    /// How it was measured.
+    how: String,
+    light: String,
+    goals: String,
+    /// Rows alone.
+    spots: String,
+}
+
+/// Tables of scenes and kinds of lamps.
+fn measured(desk: &Desk, section: &str, scenes: Vec<(Case, Vec<LampShape>)>) -> Result<Tables> {
     let (mut rows, mut spots, mut goals, mut drowned) = (String::new(), String::new(), Vec::new(), Vec::new());
-    for (case, shapes) in scenes(desk)? {
+    for (case, shapes) in scenes {
         let name = case.name;
         desk.say(&format!("lamps of more kinds in {name}"));
-        let told: Told = desk.part(NAME, name, || {
+        let told: Told = desk.part(section, name, || {
             measure(desk, &case, &shapes).with_context(|| format!("cannot move lamps in {name}"))
         })?;
         rows += &told.rows;
@@ -77,28 +131,23 @@ pub fn write(desk: &Desk) -> Result<String> {
         drowned.push(format!("{} in {name}", told.n_drowned));
     }
     let ([_, spp], traced_spp) = (desk.choose(QUICK, USUAL), desk.choose(TRACED_SPP[0], TRACED_SPP[1]));
-    Ok(format!(
-        "## More kinds of lamps, and their caustics\n\n\
-         Lamps of {LUMEN} lm that aim down, a rectangle of 0.6 × 0.3 m, a spot of 0.6 rad from its axis to its rim, a disk and a sphere of 0.1 m radius, and a point with a measured distribution (*ies*), wide and to one side, that the report writes itself, at places that keep {CLEAR_M} m from every surface, drawn as in the section \
-         `lamps`: the same for all kinds but where light drowned in noise, in which case another place was drawn, {MOST_REDRAWN} times a kind at most ({} of all kinds). The gallery is closed, so that parallel light (*directional*; {} lx, half a degree from rim to rim) \
-         is told of another one, whose clerestory has clear glass in place of the panes that shine: it comes through the middle of that to each place, and brings about as many lumens in. \
+    let how = format!(
+        "They stand at places that keep {CLEAR_M} m from every surface, drawn as in the section \
+         `lamps`: the same for all kinds but where light drowned in noise, in which case another place was drawn, {MOST_REDRAWN} times a kind at most ({} of all kinds). \
          Pictures {} pixels wide, {DEFAULT_PATCHES} patches, {spp} samples per pixel; everything else is measured as in `lamps`, against two traced \
-         pictures of {traced_spp} samples per pixel each. A cell has the figures of all places, one after the other. *Onto mirrors and glass* is the share of the lamp's light that the program names, whose caustics are not carried. \
-         Traced pictures have them where a lamp has a body; beside a point, which throws none there either, the rows of bodies show how much light is missing (energy) and how far off that leaves the indirect light (L2). {}\n\n\
-         | scene | lamp | onto mirrors and glass | noise | energy | L2 | without worst | PSNR | alone |\n|---|---|---|---|---|---|---|---|---|\n{rows}\n\
-         ### Goals of more kinds of lamps\n\n\
-         *Kept* where all places keep it, else how many do; and the median.\n\n\
-         | scene | lamp | L2 ≤ 5 % | PSNR ≥ 35 dB |\n|---|---|---|---|\n{}\n\
-         ### Spots with more patches\n\n\
-         The spot of the gallery once more, at the same places and against the same pictures. There are about as many columns however many patches: what falls with more patches was their size, what falls with more samples noise of the bake; \
-         what stays is neither. *Held out* is by how much columns differ from patches under lamps that they were not learned from.\n\n\
-         | patches | samples | columns | held out | energy | L2 | without worst | PSNR | alone |\n|---|---|---|---|---|---|---|---|---|\n{spots}",
+         pictures of {traced_spp} samples per pixel each. A cell has the figures of all places, one after the other. *Onto mirrors and glass* is the share of the lamp's light that the program names, whose caustics are not carried.",
         drowned.join(", "),
-        sun::LUX,
         WIDTHS[0],
-        desk.load_words(),
-        goal_rows(&goals),
-    ))
+    );
+    let light = format!(
+        "| scene | lamp | onto mirrors and glass | noise | energy | L2 | without worst | PSNR | alone |\n|---|---|---|---|---|---|---|---|---|\n{rows}"
+    );
+    let goals = format!(
+        "*Kept* where all places keep it, else how many do; and the median.\n\n\
+         | scene | lamp | L2 ≤ 5 % | PSNR ≥ 35 dB |\n|---|---|---|---|\n{}",
+        goal_rows(&goals)
+    );
+    Ok(Tables { how, light, goals, spots })
 }
 
 /// Rows of a scene, and how many of its places drowned.

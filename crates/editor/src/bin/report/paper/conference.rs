@@ -27,6 +27,9 @@ use crate::reference::uncompressed;
 use crate::rendered::rendered;
 use crate::scenes;
 
+/// The name of its section, apart from that of the other experiments: together they take more than half an hour where devices are software.
+pub const NAME: &str = "paper-room";
+
 const FRAMES: usize = 25;
 const AMPLIFIED: f32 = 10.0;
 /// What the bake is asked for, that of a bake that is told nothing.
@@ -36,13 +39,18 @@ const ROOM: &str = "scenes/conference.glb";
 /// Of both pictures that the last frame is held against.
 const TRACE_SEEDS: [u64; 2] = [SEED + 1, SEED + 2];
 
+/// Whether the room is at hand.
+pub fn has_room(desk: &Desk) -> bool {
+    desk.shared(ROOM).is_some()
+}
+
 /// A sentence, a table and a sheet of pictures.
 ///
 /// # Errors
-/// If the scene cannot be baked, or a device fails.
-pub(super) fn write(desk: &Desk) -> Result<String> {
-    let Some(path) = desk.shared(ROOM) else { return Ok(String::new()) };
-    let (text, sheet): (String, Vec<u8>) = desk.part("paper", "conference", || measured(desk, &path))?;
+/// If the scene is not there or cannot be baked, or a device fails.
+pub fn write(desk: &Desk) -> Result<String> {
+    let path = desk.shared(ROOM).context("the conference room is not at hand: set CLERESTORY_SHARED")?;
+    let (text, sheet): (String, Vec<u8>) = desk.part(NAME, "conference", || measured(desk, &path))?;
     let words = "the conference room: full matrix, ours as by default, ours not denoised, and ten times the difference of that from the full matrix";
     Ok(text + &desk.show("paper-conference.jpg", words, &sheet)?)
 }
@@ -102,14 +110,19 @@ fn measured(desk: &Desk, path: &Path) -> Result<(String, Vec<u8>)> {
         ("difference of that, × 10", apart),
     ];
     let text = format!(
-        "\n### A room of twenty lights\n\n\
+        "## A room of twenty lights\n\n\
+         An experiment of [the method's own evaluation](#the-methods-own-evaluation-redone), measured by itself. {}\n\n\
          `conference`, {n_cols} columns, {} × {} pixels, {spp} samples of each (seed {SEED}); all lights change their strength and color in each of {FRAMES} frames, all of which every way makes\n\
          in turn after one that does not count. All matrices are of the same samples, but that blocks of ours take no more once they reach the {TOLERANCE_DB} dB that are asked for. Ours as by default is denoised and\n\
          keeps its lamps apart ([decision 0056](decisions/0056-lamps-are-kept-apart-in-files-too.md)); with `--no-denoise` a rank takes the noise out. The mean PSNR of the frames against the\n\
          full matrix is {of_frames:.1} dB by default and {of_plain_frames:.1} dB with `--no-denoise`, noise of the full matrix that ours did not keep included. Beside two path-traced pictures of {trace_spp} samples each (seeds {} and {}), whose noise does not\n\
          count (errors are told as no less than their standard errors), the last frame of ours has {of_ours:.1} dB by default and {of_plain:.1} dB with `--no-denoise`, that of the full matrix {of_full:.1} dB; the two\n\
          beside each other have {of_trace:.1} dB. Below, each pixel is the mean of {side} × {side}, and all pictures are exposed to four times the median luminance of the full matrix.\n\n{table}",
-        film.width, film.height, TRACE_SEEDS[0], TRACE_SEEDS[1],
+        desk.load_words(),
+        film.width,
+        film.height,
+        TRACE_SEEDS[0],
+        TRACE_SEEDS[1],
     );
     Ok((text, jpeg_below(white, &pictures.map(|(name, picture)| (name, averaged(&picture, side))))?))
 }
