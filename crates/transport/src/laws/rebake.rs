@@ -457,6 +457,23 @@ fn blocks_of_a_bake_that_took_columns_over_serve_none_that_takes_over_nothing() 
 }
 
 #[test]
+fn blocks_whose_new_columns_are_in_another_scale_are_traced_again() {
+    let earlier = baked(job(lamps(|_| {})));
+    let again = || job(lamps(add_lamp));
+    let reuse = again().reuse(&earlier).expect("something is the same");
+    let HalfDone { mut header, mut blocks } = half_done(again(), &reuse, 2);
+    // As of a bake that measured the new lamp beside others.
+    *Arc::make_mut(&mut header).column_scale.last_mut().expect("it has a column") *= 2.0;
+    for factors in blocks.iter_mut().map(|(_, factors)| factors.last_mut().expect("it has a group")) {
+        Arc::make_mut(factors).scale.iter_mut().for_each(|scale| *scale *= 2.0);
+    }
+    let begun = HalfDone { header, blocks };
+    let resumed = again().run_reusing(&reuse, &Focus::default(), Some(begun), |_| ControlFlow::Continue(()));
+    let resumed = resumed.expect("the job is valid").expect("nobody stops it");
+    assert_eq!(bytes_of(&resumed), bytes_of(&rebaked(again(), &earlier).0));
+}
+
+#[test]
 fn who_leaves_while_columns_are_measured_hears_of_no_bake() {
     let dark = |scene: Scene| BakeJob { irradiance: Vec::new(), ..job(scene) };
     let earlier = baked(dark(lamps(|_| {})));
