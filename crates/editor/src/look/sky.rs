@@ -248,7 +248,7 @@ impl Reader<'_> {
     }
 }
 
-/// The members of a sky that differ from the baked one.
+/// The members of a sky that differ from the map of the bake, not turned and at its own intensity.
 pub(super) fn members(sky: &SkySetting) -> Vec<String> {
     let members = [
         sky.file.as_ref().map(|file| format!("\"file\": {}", value(file))),
@@ -300,6 +300,7 @@ mod tests {
         for json in [
             r#"{"file": "a, \"b\".hdr", "rotation_deg": 30, "intensity": 0.5}"#,
             r#"{"rotation_deg": -12.5}"#,
+            "{}",
             r#"{"sun": {"azimuth_deg": 135.25, "elevation_deg": 40, "turbidity": 4, "intensity": 0.9}}"#,
             r#"{"sun": {"date": "2026-06-21", "time": "14:07", "utc_offset_h": 2, "latitude_deg": 48.1374,
                 "longitude_deg": 11.5755, "north_deg": 15}}"#,
