@@ -176,8 +176,10 @@ fn sun(a: SunSetting, b: SunSetting, t: f32) -> Option<SunSetting> {
     }
     let (from, to) = (a.position().ok()?, b.position().ok()?);
     let along = f64::from(t);
+    let azimuth_deg = from.azimuth_deg + along * shortest_deg(to.azimuth_deg - from.azimuth_deg);
     let place = SunPlace::Angles {
-        azimuth_deg: from.azimuth_deg + along * shortest_deg(to.azimuth_deg - from.azimuth_deg),
+        // Within what a file holds, past north as well.
+        azimuth_deg: azimuth_deg.rem_euclid(360.0),
         elevation_deg: from.elevation_deg + along * (to.elevation_deg - from.elevation_deg),
     };
     let [turbidity, intensity] = [(a.turbidity, b.turbidity), (a.intensity, b.intensity)].map(|(x, y)| lerp(x, y, t));
@@ -373,8 +375,10 @@ mod tests {
         let plain = SkySetting::default();
         let between = sky([Some(&at(350.0, 40.0)), Some(&at(20.0, 20.0))], 0.5, &plain).unwrap();
         let place = between.sun.unwrap().place;
-        assert_eq!(place, SunPlace::Angles { azimuth_deg: 365.0, elevation_deg: 30.0 });
+        assert_eq!(place, SunPlace::Angles { azimuth_deg: 5.0, elevation_deg: 30.0 });
         assert!(between.map.is_some(), "its sky comes with it");
+        let past_north = LightRig { sky: Some(between), ..LightRig::default() };
+        Look::from_json(&Look { lights: past_north, ..Look::default() }.to_json()).expect("a look that can be opened");
         let file = SkySetting { file: Some("a.hdr".into()), intensity: 2.0, ..SkySetting::default() };
         let steps = [0.25, 0.75].map(|t| sky([Some(&file), None], t, &plain).unwrap());
         assert_eq!((steps[0].file.as_deref(), steps[0].intensity), (Some("a.hdr"), 1.0));
