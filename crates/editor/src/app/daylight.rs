@@ -204,13 +204,14 @@ impl App {
     fn take_sky(&mut self, read: Read) {
         match read {
             Ok((mut sky, mut odd)) => {
-                let before = self.look.lights.sky.take().unwrap_or_default();
+                let as_baked = self.sky_as_baked();
+                let before = self.look.lights.sky.take().unwrap_or_else(|| as_baked.clone());
                 (sky.rotation_deg, sky.intensity) = (before.rotation_deg, before.intensity);
                 // A sun beside a map stays beside the next one.
                 if before.file.as_deref().is_some_and(|file| file != "uniform") {
                     sky.sun = sky.sun.or(before.sun);
                 }
-                self.look.lights.sky = Some(before).filter(|before| *before != SkySetting::default());
+                self.look.lights.sky = Some(before).filter(|before| *before != as_baked);
                 self.say(format!("Sky {}", sky.name()));
                 self.as_one_step(|app| app.look.lights.sky = Some(sky));
                 odd.extend(self.missing_sky());
@@ -220,6 +221,11 @@ impl App {
             }
             Err(words) => self.complain(words),
         }
+    }
+
+    /// What a sky is set to where the look names none.
+    fn sky_as_baked(&self) -> SkySetting {
+        self.session.basis().map_or_else(SkySetting::default, LightBasis::sky_as_baked)
     }
 
     /// Prepares and bakes the scene anew under the sky as it is set; a scene without any gets sun and clear sky.
@@ -288,7 +294,8 @@ impl App {
                 self.follower.hold_exposure(ctx);
             }
             self.looks.player.stop();
-            self.look.lights.sky = Some(sky).filter(|sky| *sky != SkySetting::default());
+            let as_baked = self.sky_as_baked();
+            self.look.lights.sky = Some(sky).filter(|sky| *sky != as_baked);
         }
     }
 

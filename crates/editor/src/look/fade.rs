@@ -53,10 +53,11 @@ fn rig(a: &LightRig, b: &LightRig, t: f32, basis: Option<&LightBasis>) -> LightR
         (key.clone(), spots(&ends, own_color(key)))
     };
     let panels = panels.into_iter().map(panel).collect();
+    let as_baked = basis.map_or_else(SkySetting::default, LightBasis::sky_as_baked);
     LightRig {
         lights,
         panels,
-        sky: sky(a.sky.as_ref(), b.sky.as_ref(), t),
+        sky: sky([a.sky.as_ref(), b.sky.as_ref()], t, &as_baked),
         lamps: lamps(&a.lamps, &b.lamps, t),
         groups: a.groups.clone(),
     }
@@ -144,11 +145,10 @@ fn spots(ends: &[PanelEnd; 2], own: Vec3) -> Vec<PanelSpot> {
 }
 
 /// Between two skies of one map, or two suns: turned and dimmed along the way. One map does not become another: the first
-/// goes out by the middle, and the second comes up from there.
+/// goes out by the middle, and the second comes up from there. What names none is `as_baked`.
 #[expect(clippy::cast_possible_truncation, reason = "an angle, as exact as the look keeps it")]
-fn sky(a: Option<&SkySetting>, b: Option<&SkySetting>, t: f32) -> Option<SkySetting> {
-    let as_baked = SkySetting::default();
-    let (from, to) = (a.unwrap_or(&as_baked), b.unwrap_or(&as_baked));
+fn sky(ends: [Option<&SkySetting>; 2], t: f32, as_baked: &SkySetting) -> Option<SkySetting> {
+    let [from, to] = ends.map(|sky| sky.unwrap_or(as_baked));
     let mixed = match (from.sun, to.sun) {
         _ if from.file != to.file => None,
         (None, None) => Some((None, from.map.clone())),
@@ -166,7 +166,7 @@ fn sky(a: Option<&SkySetting>, b: Option<&SkySetting>, t: f32) -> Option<SkySett
         // An analytic sky goes with its sun; angles between two that exist exist, and no file is read.
         super::sky::load(&mut sky, std::path::Path::new("")).ok()?;
     }
-    (sky != as_baked).then_some(sky)
+    (sky != *as_baked).then_some(sky)
 }
 
 /// Between two suns; none if one of them does not exist.
@@ -176,8 +176,10 @@ fn sun(a: SunSetting, b: SunSetting, t: f32) -> Option<SunSetting> {
     }
     let (from, to) = (a.position().ok()?, b.position().ok()?);
     let along = f64::from(t);
+    let azimuth_deg = from.azimuth_deg + along * shortest_deg(to.azimuth_deg - from.azimuth_deg);
     let place = SunPlace::Angles {
-        azimuth_deg: from.azimuth_deg + along * shortest_deg(to.azimuth_deg - from.azimuth_deg),
+        // Within what a file holds, past north as well.
+        azimuth_deg: azimuth_deg.rem_euclid(360.0),
         elevation_deg: from.elevation_deg + along * (to.elevation_deg - from.elevation_deg),
     };
     let [turbidity, intensity] = [(a.turbidity, b.turbidity), (a.intensity, b.intensity)].map(|(x, y)| lerp(x, y, t));
@@ -268,6 +270,7 @@ mod tests {
     use clerestory_transport::basis::{LightSource, SourceKind};
     use clerestory_transport::lamps::LampUnit;
     use clerestory_transport::light::planckian_tint;
+    use clerestory_transport::sky::{Environment, SkyLight};
 
     use super::*;
 
@@ -369,17 +372,40 @@ mod tests {
             sun: Some(SunSetting::by_angles(azimuth, elevation)),
             ..SkySetting::default()
         };
-        let between = sky(Some(&at(350.0, 40.0)), Some(&at(20.0, 20.0)), 0.5).unwrap();
+        let plain = SkySetting::default();
+        let between = sky([Some(&at(350.0, 40.0)), Some(&at(20.0, 20.0))], 0.5, &plain).unwrap();
         let place = between.sun.unwrap().place;
-        assert_eq!(place, SunPlace::Angles { azimuth_deg: 365.0, elevation_deg: 30.0 });
+        assert_eq!(place, SunPlace::Angles { azimuth_deg: 5.0, elevation_deg: 30.0 });
         assert!(between.map.is_some(), "its sky comes with it");
+        let past_north = LightRig { sky: Some(between), ..LightRig::default() };
+        Look::from_json(&Look { lights: past_north, ..Look::default() }.to_json()).expect("a look that can be opened");
         let file = SkySetting { file: Some("a.hdr".into()), intensity: 2.0, ..SkySetting::default() };
-        let steps = [0.25, 0.75].map(|t| sky(Some(&file), None, t).unwrap());
+        let steps = [0.25, 0.75].map(|t| sky([Some(&file), None], t, &plain).unwrap());
         assert_eq!((steps[0].file.as_deref(), steps[0].intensity), (Some("a.hdr"), 1.0));
         assert_eq!((steps[1].file.as_deref(), steps[1].intensity), (None, 0.5));
         let turned = SkySetting { rotation_deg: 350.0, ..SkySetting::default() };
-        assert_eq!(sky(None, Some(&turned), 0.5).unwrap().rotation_deg, -5.0);
-        assert_eq!(sky(None, None, 0.5), None);
+        assert_eq!(sky([None, Some(&turned)], 0.5, &plain).unwrap().rotation_deg, -5.0);
+        assert_eq!(sky([None; 2], 0.5, &plain), None);
+    }
+
+    #[test]
+    fn a_look_without_a_sky_fades_from_how_the_sky_was_baked() {
+        let map = Environment::uniform(Vec3::ONE);
+        let baked = SkyLight { rotation_deg: 75.0, intensity: 2.5, ..SkyLight::new("day.hdr", map) };
+        let basis = LightBasis { sky: Some(baked), ..basis() };
+        let with = |sky: SkySetting| {
+            let lights = LightRig { sky: Some(sky), ..LightRig::default() };
+            Look { lights, ..Look::default() }
+        };
+        let dim = SkySetting { rotation_deg: 75.0, intensity: 0.5, ..SkySetting::default() };
+        let half = |to: &Look, share| fade(&Look::default(), to, share, Some(&basis)).lights.sky;
+        // Half way from 2.5 to 0.5, and not turned on the way.
+        assert_eq!(half(&with(dim.clone()), 0.5), Some(SkySetting { intensity: 1.5, ..dim }));
+        // Another map: the baked sky goes out first, turned as it is.
+        let other = SkySetting { file: Some("b.hdr".into()), ..SkySetting::default() };
+        let going = half(&with(other), 0.25).unwrap();
+        assert_eq!((going.file, going.rotation_deg, going.intensity), (None, 75.0, 1.25));
+        assert_eq!(half(&Look::default(), 0.5), None);
     }
 
     #[test]
