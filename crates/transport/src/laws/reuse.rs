@@ -98,3 +98,18 @@ fn pixels_that_share_walks_have_the_mean_of_their_own_walks() {
         assert_same_mean(&pairs, &own, 8e-3, "the whole picture");
     }
 }
+
+#[test]
+fn without_bounces_no_pixel_shares_what_a_pane_scatters() {
+    // The pane beside the floor lets a part of the light pass, and most of the rest leaves it by a diffuse base.
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 1.5, 0.3), Vec3::new(0.0, 0.0, -0.2), 0.5, 4.0 / 3.0);
+    let milky = Material { base_color: Vec4::ONE, transmission: 0.4, ..pane() };
+    let scene = Stage::new(camera)
+        .surface("floor", &quad(Vec3::new(-1.5, 0.0, 1.5), Vec3::X * 3.0, Vec3::NEG_Z * 3.0), lambert(0.6, 0.0))
+        .surface("pane", &quad(Vec3::new(-1.5, 0.0, -0.8), Vec3::X * 3.0, Vec3::Y * 1.5), milky)
+        .panel("panel", &quad(Vec3::new(-0.6, 1.8, -0.6), Vec3::X * 1.2, Vec3::Z * 1.2), 3.0, 4)
+        .prepared();
+    let shared = together(&scene, 4, Some(0));
+    assert!(shared.iter().flatten().all(|&value| value > 0.0), "the panel lights all of the floor");
+    assert!(shared == together(&scene.with_lone_coats(), 4, Some(0)), "light of a pane came by a bounce more");
+}

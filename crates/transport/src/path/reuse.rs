@@ -129,7 +129,8 @@ impl<P: LightPlan> Integrator<'_, P> {
         let reflects = walk.direction.dot(start.bsdf.geometric_normal()) > 0.0;
         let throws = self.casters.is_some_and(|casters| casters.is_on_the_way(hit.triangle));
         let shares = has_density && reflects && !throws && (self.coats_share || bsdf.is_diffuse());
-        if shares { bsdf.matte() } else { None }
+        // A pane that is met at the end of all bounces lets the walk pass, and scatters nothing.
+        if shares && !self.is_spent(walk) { bsdf.matte() } else { None }
     }
 
     /// What each start gets of the radiance that leaves a meeting; false where its own start does not see it freely, so that
