@@ -3,7 +3,7 @@
 use clerestory_nystrom::{Half, SampledMatrix};
 use glam::{Vec3, Vec4};
 
-use super::stage::{Stage, lambert, pane, quad, room};
+use super::stage::{Stage, lambert, pane, quad, room, tint};
 use super::walks::{Mean, Walks, assert_same_mean, file_light};
 use crate::camera::{Camera, Film};
 use crate::matrix::{CHANNELS, TransportMatrix};
@@ -112,4 +112,27 @@ fn without_bounces_no_pixel_shares_what_a_pane_scatters() {
     let shared = together(&scene, 4, Some(0));
     assert!(shared.iter().flatten().all(|&value| value > 0.0), "the panel lights all of the floor");
     assert!(shared == together(&scene.with_lone_coats(), 4, Some(0)), "light of a pane came by a bounce more");
+}
+
+#[test]
+fn a_film_that_takes_no_light_changes_nothing_on_either_side() {
+    // The film parts the room from floor to panel, and is seen edge on.
+    let room_with = |film: Option<Material>| {
+        let camera = Camera::look_at("eye", Vec3::new(-0.1, 0.2, 1.4), Vec3::new(1.4, -0.4, -1.5), 1.2, 4.0 / 3.0);
+        let across = quad(Vec3::new(0.0, -1.19, -1.49), Vec3::Y * 2.28, Vec3::Z * 2.98);
+        let panel = quad(Vec3::new(-0.6, 1.1, -0.6), Vec3::X * 1.2, Vec3::Z * 1.2);
+        let stage = Stage::new(camera).surface("walls", &room(Vec3::new(2.0, 1.2, 1.5)), lambert(0.8, 0.0));
+        let stage = stage.panel("panel", &panel, 3.0, 4);
+        if let Some(film) = film { stage.surface("film", &across, film).prepared() } else { stage.prepared() }
+    };
+    let [bare, parted] = [None, Some(tint(1.0))].map(|film| together(&room_with(film), 1200, Some(3)));
+    // Pixels of the same tiles, before the film and behind it.
+    for columns in [0..3, 5..8] {
+        let is_asked = |pixel: &usize| columns.contains(&(pixel % FILM.width as usize));
+        let sums = |found: &[Vec<f64>]| -> Vec<f64> {
+            let pixels: Vec<&Vec<f64>> = (0..found.len()).filter(is_asked).map(|pixel| &found[pixel]).collect();
+            (0..1200).map(|seed| pixels.iter().map(|values| values[seed]).sum()).collect()
+        };
+        assert_same_mean(&sums(&parted), &sums(&bare), 1e-2, &format!("columns {columns:?}"));
+    }
 }

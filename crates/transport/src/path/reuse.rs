@@ -148,13 +148,10 @@ impl<P: LightPlan> Integrator<'_, P> {
                 shares[slot] = value;
                 n += 1;
             }
-            let mut passed = [Vec3::ZERO; FAN];
-            if n > 0 {
-                self.scene.transmittance16(origin, &targets, n, &mut passed);
-            }
+            let seen = if n > 0 { self.scene.sees16(origin, &targets, n) } else { 0 };
             for i in 0..n {
-                // What lies behind a pane is found by walks through the pane, which are not shared.
-                if passed[i] == Vec3::ONE {
+                // What lies behind a pane, however clear, is found by walks through the pane, which are not shared.
+                if seen >> i & 1 == 1 {
                     total += densities[i];
                     own_sees |= nth * FAN + asked[i] == meeting.start;
                 } else {
