@@ -418,6 +418,38 @@ fn irradiance_is_there_when_the_preview_is_and_that_of_sensors_stays() {
 }
 
 #[test]
+fn a_preview_counts_what_a_mirror_throws_on_a_table_once() {
+    // The lamp shines upward: its light comes to the table by way of the mirror alone.
+    let camera = Camera::look_at("side", Vec3::new(0.0, 0.9, 1.3), Vec3::ZERO, 0.4, 4.0 / 3.0);
+    let mirror = Material { base_color: Vec4::splat(0.9), metallic: 1.0, roughness: 0.0, ..Material::default() };
+    let ceiling = quad(Vec3::new(-4.0, 2.0, -4.0), Vec3::X * 8.0, Vec3::Z * 8.0);
+    let lamp = quad(Vec3::new(1.0, 1.0, -0.8), Vec3::Z * 1.6, Vec3::X * 1.6);
+    let stage = Stage::new(camera).surface("table", &table(), lambert(0.5, 0.0)).surface("mirror", &ceiling, mirror);
+    let scene = Arc::new(stage.surface("lamp", &lamp, lambert(0.0, 3.0)).prepared());
+    assert!(scene.casters.is_some(), "the mirror throws light");
+    let mut job = job(&scene, vec![IrradianceRows::Pixels], Indirect::Traced);
+    (job.film, job.passes) = (Film { width: 40, height: 36 }, Passes::PreviewAndFinal);
+    let mut preview = Vec::new();
+    let bake = job.run(|event| {
+        match event {
+            BakeEvent::Started { header, .. } => preview = header.empty_irradiance().remove(0),
+            BakeEvent::IrradianceDone { block_idx, factors, is_preview: true, .. } => {
+                for (group, factors) in preview.iter_mut().zip(factors) {
+                    group.blocks[block_idx] = Some(factors);
+                }
+            }
+            _ => {}
+        }
+        ControlFlow::Continue(())
+    });
+    let bake = bake.unwrap().unwrap();
+    let early = Bake { irradiance: vec![preview], ..bake.clone() };
+    let (early, late) = (Mean::of(&relit(&early, 0)), Mean::of(&relit(&bake, 0)));
+    // Nodes that outshine those around them are dimmed.
+    assert!((0.75..1.2).contains(&(early.value / late.value)), "{early:?} {late:?}");
+}
+
+#[test]
 fn irradiance_comes_once_more_with_less_noise_as_a_preview_and_as_it_stays() {
     let scene = lit_room();
     let film = Film { width: 64, height: 48 };
