@@ -454,7 +454,7 @@ impl eframe::App for App {
     fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
         self.pulse.iter_mut().for_each(Pulse::begin);
         self.appearance = Appearance::of(ctx);
-        self.session.holds_opened = self.would_lose_changes() || self.is_saving_look();
+        self.session.holds_opened = self.would_lose_changes() || self.is_writing();
         for notice in self.session.drain() {
             self.notice(ctx, notice);
         }

@@ -1344,6 +1344,22 @@ fn a_scene_that_comes_waits_until_the_look_before_it_is_saved() {
 }
 
 #[test]
+fn a_scene_that_comes_waits_until_the_file_of_the_one_before_it_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, picture) = (gallery(folder.path()), folder.path().join("room.png"));
+    let mut window = baked();
+    drop_all(&mut window, &[&path]);
+    assert_is_opening(&window);
+    ask_for(&mut window, "Export…", &picture);
+    wait(&mut window, |app| app.session().has_arrived() || !app.session().is_opening());
+    assert_is_opening(&window);
+    click(&mut window, "Save");
+    wait(&mut window, |app| name_of_open(app) == Some("gallery.glb"));
+    wait(&mut window, |_| picture.exists());
+    assert_eq!(image::image_dimensions(&picture).unwrap(), (64, 48));
+}
+
+#[test]
 fn a_profile_for_a_lamp_that_went_with_its_scene_goes_to_nothing_and_that_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let (path, look, ies) = (gallery(folder.path()), folder.path().join("a.look"), folder.path().join("down.ies"));
