@@ -176,6 +176,21 @@ fn the_camera_takes_angles_and_lenses_with_a_point_and_leaves_what_was_not_typed
 }
 
 #[test]
+fn an_angle_of_view_stays_as_it_is_typed_whatever_focal_length_that_is() {
+    let mut window = baked();
+    click(&mut window, "Numbers");
+    // 1.8 mm, less than can be typed as one.
+    for degrees in [165.0f32, 60.0] {
+        type_over(&mut window, "Field of view", &degrees.to_string());
+        let found = window.state().camera().unwrap().yfov_rad.to_degrees();
+        assert!((found - degrees).abs() < 1e-3, "{found}");
+    }
+    type_over(&mut window, "Focal length", "0.5");
+    let focal_mm = 13.5 / (0.5 * window.state().camera().unwrap().yfov_rad).tan();
+    assert!((focal_mm - 2.0).abs() < 1e-3, "what is typed is brought in: {focal_mm}");
+}
+
+#[test]
 fn a_bookmark_has_another_name_once_it_is_typed_and_no_two_have_the_same() {
     let mut window = baked();
     for yaw in ["10", "20"] {
