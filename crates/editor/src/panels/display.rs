@@ -231,31 +231,39 @@ fn false_color_rows(ui: &mut Ui, false_color: &mut Option<FalseColor>, view: &Di
     }
 }
 
-/// Keeps what a look can hold: from a lower to a higher value, above 0 where the scale is logarithmic.
+/// Keeps what a look can hold: from a lower to a higher value, above 0 where the scale is logarithmic. A scale of a look that no hand would
+/// set stays until it is edited.
 fn range_row(ui: &mut Ui, false_color: &mut FalseColor, units: Units) {
+    let is_log = false_color.spacing == Spacing::Log;
     let Some([low, high]) = &mut false_color.range else { return };
     ui.label("Range");
-    ui.horizontal(|ui| {
+    let row = ui.horizontal(|ui| {
         let unit = match (false_color.quantity, units) {
             (Quantity::Luminance, Units::Relative) => String::new(),
             (quantity, _) => format!(" {}", quantity.unit()),
         };
         let number = |ui: &mut Ui, value: &mut f32, name: &str| {
             let speed = f64::from(value.abs().max(1e-3)) * 0.01;
-            let number = ui.add(Number::new(value).range(0.0..=1e9).speed(speed).suffix(unit.as_str()));
-            number.on_hover_text(format!("{name}; what lies outside takes the color of the end")).accessible_name(name)
+            let number =
+                Number::new(value).range(0.0..=1e9).leaves_what_is_outside().speed(speed).suffix(unit.as_str());
+            let hint = format!("{name}; what lies outside takes the color of the end");
+            ui.add(number).on_hover_text(hint).accessible_name(name)
         };
-        number(ui, low, "Scale from");
+        let from = number(ui, low, "Scale from");
         let to = number(ui, high, "Scale to");
         let before = before_drag(ui, &to, *low);
         if to.changed() {
             *low = before;
         }
+        from.changed() || to.changed()
     });
     ui.end_row();
-    *high = high.max(1e-6);
-    let least = if false_color.spacing == Spacing::Log { *high * 1e-6 } else { 0.0 };
-    *low = low.clamp(least, *high * 0.999);
+    let is_scale = *low < *high && (*low > 0.0 || !is_log);
+    if row.inner || !is_scale {
+        *high = high.max(1e-6);
+        let least = if is_log { *high * 1e-6 } else { 0.0 };
+        *low = low.clamp(least, *high * 0.999);
+    }
 }
 
 fn choice_ui<T: Copy + PartialEq>(ui: &mut Ui, salt: &str, chosen: &mut T, choices: &[Named<T>], label: egui::Id) {

@@ -316,6 +316,7 @@ fn numbers_of_a_look_that_no_hand_would_set_stay() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bright.look");
     let json = r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 2e6}},
+        "display": {"false_color": {"quantity": "luminance", "range": [1e-5, 1e10]}},
         "wishes": {"keep": 0, "list": [{"name": "bright", "cd_m2": 2e6, "weight": 500}]}}"#;
     std::fs::write(&path, json).unwrap();
     let mut window = baked();
@@ -327,6 +328,11 @@ fn numbers_of_a_look_that_no_hand_would_set_stay() {
     let wishes = &window.state().look().wishes;
     assert_eq!((wishes.keep, wishes.list[0].weight), (0.0, 500.0));
     assert_eq!(wishes.list[0].wanted, Wanted::Luminance(2e6));
+    let range = |window: &Window| window.state().look().display.false_color.unwrap().range.unwrap();
+    assert_eq!(range(&window), [1e-5, 1e10]);
+    type_over(&mut window, "Scale to", "1000");
+    let [low, high] = range(&window);
+    assert!(high == 1000.0 && (low - 1e-3).abs() < 1e-6, "what is edited can be told apart: {low} {high}");
 }
 
 #[test]
