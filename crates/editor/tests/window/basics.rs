@@ -350,6 +350,34 @@ fn what_a_second_window_left_is_offered_once_that_of_the_first_is_saved() {
 }
 
 #[test]
+fn who_takes_back_what_was_recovered_does_not_save_over_its_file() {
+    let home = tempfile::tempdir().unwrap();
+    let evening = home.path().join("evening.look");
+    let mut window = ready_of(home.path());
+    click(&mut window, "Mute lamp");
+    save_as(&mut window, "Save look…", &evening);
+    let saved = std::fs::read_to_string(&evening).unwrap();
+    click(&mut window, "Mute panel");
+    let changed = window.state().look().clone();
+    wait(&mut window, |_| home.path().join("unsaved/0.json").exists());
+    drop(window);
+
+    let mut window = ready_of(home.path());
+    click(&mut window, "Recover");
+    assert_eq!(*window.state().look(), changed);
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), Look::default());
+    window.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    window.run_steps(3);
+    assert_eq!(std::fs::read_to_string(&evening).unwrap(), saved);
+    click(&mut window, "Cancel");
+    click(&mut window, "Redo");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    window.run_steps(3);
+    assert!(std::fs::read_to_string(&evening).unwrap().contains("panel"));
+}
+
+#[test]
 fn two_editors_on_one_scene_keep_their_work_apart() {
     let home = tempfile::tempdir().unwrap();
     let open = || room_of(home.path());
