@@ -12,6 +12,7 @@ mod habits;
 mod heat;
 mod host;
 mod icon;
+mod identity;
 mod isolux;
 mod lamplight;
 mod lamps;
