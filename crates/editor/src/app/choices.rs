@@ -312,6 +312,9 @@ impl App {
             self.choices.kept.keep(source, &opened.chosen);
         }
         (self.choices.before, self.choices.failed) = (None, None);
+        if self.solving.give_up() {
+            self.say("The scene has changed since; solve again");
+        }
         // It may have been undone meanwhile.
         if !self.prepare_chosen() {
             self.start_bake();
@@ -397,6 +400,7 @@ mod tests {
 
     use super::*;
     use crate::app::Start;
+    use crate::solve::Solution;
 
     #[test]
     fn what_cannot_be_made_stays_in_another_look_than_it_was_chosen_in() {
@@ -414,6 +418,20 @@ mod tests {
             app.chosen_cannot_be_made("it has no such lamps".into());
             assert_eq!(app.look.scene, asked);
         }
+    }
+
+    #[test]
+    fn lights_that_were_found_for_a_scene_are_not_taken_over_in_another() {
+        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
+        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
+        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let app = window.state_mut();
+        let (rig, misfit) = (app.look.lights.clone(), 0.0);
+        let found = Solution { rig, changes: Vec::new(), outcomes: Vec::new(), misfit, notes: Vec::new() };
+        app.solving.state.solution = Some(found);
+        // Its lamps shine 683 times as bright now.
+        app.chosen_is_made();
+        assert!(app.solution().is_none());
     }
 
     #[test]

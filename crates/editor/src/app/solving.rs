@@ -171,6 +171,13 @@ impl Solving {
         *self = Solving { schedule, ..Solving::new(wake) };
     }
 
+    /// The scene is made anew: lights that were found, or are looked for, are of the one before. Answers whether there are any.
+    pub fn give_up(&mut self) -> bool {
+        let is_under_way = self.is_due || self.solving.is_busy();
+        (self.is_due, self.solving) = (false, Aside::default());
+        self.state.solution.take().is_some() || is_under_way
+    }
+
     /// The area of floor that was typed is that of one scene.
     pub fn forget_floor(&mut self) {
         self.schedule.floor_m2 = 0.0;
