@@ -359,7 +359,8 @@ fn who_takes_back_what_was_recovered_does_not_save_over_its_file() {
     let saved = std::fs::read_to_string(&evening).unwrap();
     click(&mut window, "Mute panel");
     let changed = window.state().look().clone();
-    wait(&mut window, |_| home.path().join("unsaved/0.json").exists());
+    let is_kept = |text: String| text.contains("panel");
+    wait(&mut window, |_| std::fs::read_to_string(home.path().join("unsaved/0.json")).is_ok_and(is_kept));
     drop(window);
 
     let mut window = ready_of(home.path());
