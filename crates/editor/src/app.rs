@@ -411,7 +411,7 @@ impl App {
             Action::BakeIlluminance => self.bake_illuminance(),
             Action::SaveSchedule(path) => self.save_schedule(&path),
             Action::SaveValues(path) => self.save_values(&path),
-            Action::UseScene(path) => self.session.find_scene(path),
+            Action::UseScene(path) => self.use_scene(path),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
             Action::UseDevice(wish) => self.follower.use_device(wish),
