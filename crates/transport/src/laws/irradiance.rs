@@ -138,8 +138,8 @@ fn a_furnace_gives_pi_times_its_radiance_on_walls_and_in_mid_air() {
     assert_eq!((plane.size, plane.left_out.len()), ([8, 10], 0));
     assert!((plane.origin.y - -0.1).abs() < 1e-4, "0.6 m above the floor, not at {}", plane.origin.y);
     for rows in &rows {
-        let lux = sampled(&scene, Some(rows), 64);
-        Mean::of(&lux).assert_is(f64::from(PI), 1e-2, rows.name());
+        let lux = sampled(&scene, Some(rows), 1024);
+        Mean::of(&lux).assert_is(f64::from(PI), 2.5e-3, rows.name());
     }
 }
 
