@@ -91,7 +91,8 @@ fn setting(a: LightSetting, b: LightSetting, t: f32, own: Vec3) -> LightSetting 
     let intensity = weights[0] + weights[1];
     let nearer = if t < 0.5 { a } else { b };
     if intensity <= 0.0 {
-        return LightSetting { muted: a.muted && b.muted, intensity: lerp(a.intensity, b.intensity, t), ..nearer };
+        // Dark at both ends: of a light that is muted at one of them alone the other is turned down to nothing.
+        return LightSetting { muted: a.muted || b.muted, intensity: lerp(a.intensity, b.intensity, t), ..nearer };
     }
     let tint = |setting: LightSetting| LightSetting { intensity, muted: false, ..setting };
     match (a.kelvin, b.kelvin) {
@@ -311,6 +312,19 @@ mod tests {
             // Again with lights that go out or come up.
             a.lights.lights.insert("panel".into(), LightSetting { muted: true, ..LightSetting::default() });
             std::mem::swap(&mut a, &mut b);
+        }
+    }
+
+    #[test]
+    fn what_is_dark_at_both_ends_is_dark_between_them() {
+        let (muted, down) = (
+            LightSetting { muted: true, ..LightSetting::default() },
+            LightSetting { intensity: 0.0, ..LightSetting::default() },
+        );
+        for [a, b] in [[muted, down], [down, muted], [muted, muted], [down, down]] {
+            for t in [0.01, 0.5, 0.99] {
+                assert_eq!(level(setting(a, b, t, Vec3::ONE)), 0.0, "{a:?}, {b:?} at {t}");
+            }
         }
     }
 
