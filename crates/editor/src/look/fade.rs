@@ -18,6 +18,9 @@ use super::{Display, Look};
 /// A spot that covers its panel: what a panel without spots shines like.
 const UNIFORM: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 100.0, color: None, intensity: 1.0 };
 
+/// A whole turn: an angle that goes on behind it comes round again, as a file holds no more.
+const TURN_DEG: f64 = 360.0;
+
 /// Behind the key of a lamp that comes up while another one has that key.
 pub const NEW: &str = " (new)";
 
@@ -160,7 +163,8 @@ fn sky(a: Option<&SkySetting>, b: Option<&SkySetting>, t: f32) -> Option<SkySett
         let dimmed = |sky: &SkySetting, by: f32| SkySetting { intensity: sky.intensity * by, ..sky.clone() };
         return Some(if t < 0.5 { dimmed(from, 1.0 - 2.0 * t) } else { dimmed(to, 2.0 * t - 1.0) });
     };
-    let rotation_deg = from.rotation_deg + t * shortest_deg(f64::from(to.rotation_deg - from.rotation_deg)) as f32;
+    let turn_deg = shortest_deg(f64::from(to.rotation_deg - from.rotation_deg));
+    let rotation_deg = ((f64::from(from.rotation_deg) + f64::from(t) * turn_deg) % TURN_DEG) as f32;
     let intensity = lerp(from.intensity, to.intensity, t);
     let mut sky = SkySetting { file: from.file.clone(), rotation_deg, intensity, sun, map };
     if sky.map.is_none() && sky.sun.is_some() {
@@ -178,7 +182,7 @@ fn sun(a: SunSetting, b: SunSetting, t: f32) -> Option<SunSetting> {
     let (from, to) = (a.position().ok()?, b.position().ok()?);
     let along = f64::from(t);
     let place = SunPlace::Angles {
-        azimuth_deg: from.azimuth_deg + along * shortest_deg(to.azimuth_deg - from.azimuth_deg),
+        azimuth_deg: (from.azimuth_deg + along * shortest_deg(to.azimuth_deg - from.azimuth_deg)) % TURN_DEG,
         elevation_deg: from.elevation_deg + along * (to.elevation_deg - from.elevation_deg),
     };
     let [turbidity, intensity] = [(a.turbidity, b.turbidity), (a.intensity, b.intensity)].map(|(x, y)| lerp(x, y, t));
@@ -187,7 +191,7 @@ fn sun(a: SunSetting, b: SunSetting, t: f32) -> Option<SunSetting> {
 
 /// The same turn the shorter way round.
 fn shortest_deg(turn: f64) -> f64 {
-    (turn + 180.0).rem_euclid(360.0) - 180.0
+    (turn + 0.5 * TURN_DEG).rem_euclid(TURN_DEG) - 0.5 * TURN_DEG
 }
 
 /// Lamps of one name and kind move; others go out, and come up.
@@ -385,7 +389,7 @@ mod tests {
         };
         let between = sky(Some(&at(350.0, 40.0)), Some(&at(20.0, 20.0)), 0.5).unwrap();
         let place = between.sun.unwrap().place;
-        assert_eq!(place, SunPlace::Angles { azimuth_deg: 365.0, elevation_deg: 30.0 });
+        assert_eq!(place, SunPlace::Angles { azimuth_deg: 5.0, elevation_deg: 30.0 });
         assert!(between.map.is_some(), "its sky comes with it");
         let file = SkySetting { file: Some("a.hdr".into()), intensity: 2.0, ..SkySetting::default() };
         let steps = [0.25, 0.75].map(|t| sky(Some(&file), None, t).unwrap());
@@ -393,6 +397,15 @@ mod tests {
         assert_eq!((steps[1].file.as_deref(), steps[1].intensity), (None, 0.5));
         let turned = SkySetting { rotation_deg: 350.0, ..SkySetting::default() };
         assert_eq!(sky(None, Some(&turned), 0.5).unwrap().rotation_deg, -5.0);
+        // At the ends of what a file holds, between two looks and in the file of what lies there.
+        let far = [3600.0, 20.0].map(|rotation_deg| SkySetting { rotation_deg, ..at(350.0, 40.0) });
+        let [from, mut to] =
+            far.map(|sky| Look { lights: LightRig { sky: Some(sky), ..LightRig::default() }, ..Look::default() });
+        to.lights.sky.iter_mut().for_each(|sky| sky.sun = at(20.0, 40.0).sun);
+        let (again, _) = Look::from_json(&fade(&from, &to, 0.5, None).to_json()).unwrap();
+        let again = again.lights.sky.unwrap();
+        assert_eq!(again.rotation_deg, 10.0);
+        assert_eq!(again.sun.unwrap().place, SunPlace::Angles { azimuth_deg: 5.0, elevation_deg: 40.0 });
         assert_eq!(sky(None, None, 0.5), None);
     }
 
