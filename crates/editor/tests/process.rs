@@ -834,6 +834,33 @@ fn what_is_solved_takes_the_place_of_no_file_that_its_look_names() {
 }
 
 #[test]
+fn no_picture_or_scene_takes_the_place_of_what_its_look_names() {
+    let folder = desk();
+    let path = |name: &str| folder.path().join(name);
+    let look = r#"{"clerestory": 1, "scene_file": "old.glb", "looks": [{"name": "Day"}],
+        "timeline": {"fps": 4, "keys": [{"time": 0, "look": "Day"}, {"time": 1, "look": "Day"}]},
+        "wishes": {"list": [{"name": "goal", "match": "goal_1.png"}]}}"#;
+    std::fs::write(path("a.look"), look).unwrap();
+    ["goal_1.png", "old.glb"].iter().for_each(|name| std::fs::write(path(name), "old").unwrap());
+    succeeds(folder.path(), "bake room.gltf --size 8x6 --spp 1 -o room.transport");
+    for (line, what) in [
+        ("relight room.transport --look a.look -o goal_1.png", "picture"),
+        ("relight room.transport --look a.look -o goal_#.png", "picture"),
+        ("render room.gltf --look a.look -o goal_1.png --size 8x6 --spp 1", "picture"),
+        ("export-gltf room.gltf --look a.look -o old.glb", "scene"),
+    ] {
+        let output = run(folder.path(), line);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{line}: {said}");
+        assert!(said.contains(&format!("would overwrite the {what}")), "{line}: {said}");
+    }
+    ["goal_1.png", "old.glb"].iter().for_each(|name| assert_eq!(std::fs::read(path(name)).unwrap(), b"old", "{name}"));
+    // A bake that the look was saved with is made anew under it.
+    std::fs::write(path("a.look"), look.replace("old.glb", "room.transport")).unwrap();
+    succeeds(folder.path(), "bake room.gltf --look a.look --size 8x6 --spp 1 -o room.transport");
+}
+
+#[test]
 fn a_transport_is_told_by_its_first_bytes_whatever_it_is_called() {
     let folder = desk();
     succeeds(folder.path(), "bake room.gltf --size 8x6 --spp 1 -o room.t");

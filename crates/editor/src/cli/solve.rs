@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
@@ -71,11 +71,8 @@ fn spare(args: &SolveArgs, look: &Look) -> Result<()> {
     spare_inputs(output, inputs.into_iter().filter_map(|(what, path)| Some((what, path?.as_path()))))?;
     args.scene.iter().try_for_each(|scene| spare_scene(output, scene))?;
     spare_files(output, &files_of_look(args.look.as_deref(), look))?;
-    let folder = args.look.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-    let of_look = look.wishes.files().map(|file| folder.join(file));
-    let of_wishes = args.wishes.as_deref().map(parse::pictures).transpose()?;
-    let pictures: Vec<PathBuf> = of_look.chain(of_wishes.unwrap_or_default()).collect();
-    spare_inputs(output, pictures.iter().map(|file| ("picture", file.as_path())))?;
+    let of_wishes = args.wishes.as_deref().map(parse::pictures).transpose()?.unwrap_or_default();
+    spare_inputs(output, of_wishes.iter().map(|file| ("picture", file.as_path())))?;
     // The look may be called as its user likes.
     match &args.look {
         Some(look) if is_same_file(output, look) => Ok(()),
