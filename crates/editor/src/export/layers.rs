@@ -5,7 +5,7 @@ use std::ops::Range;
 use anyhow::Result;
 use clap::ValueEnum;
 use clerestory_relight::Radiance;
-use clerestory_transport::basis::{LightBasis, SourceKind};
+use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use serde::{Deserialize, Serialize};
 
 use crate::look::Look;
@@ -66,14 +66,20 @@ fn group_of(light: &str, look: &Look) -> Option<String> {
 }
 
 impl LayerSet {
-    /// Names of the parts, and the columns of each, in the order of the columns; free lamps have none.
+    /// Names of the parts, and the columns of each, in the order of the columns. Free lamps have none, unless they were made lights of
+    /// the scene.
     pub fn parts(self, basis: &LightBasis, look: &Look) -> Vec<(String, Vec<Range<u32>>)> {
+        let lamps = look.lights.shining_lamps();
+        let kind_of = |source: &LightSource| {
+            let is_free = lamps.iter().any(|lamp| lamp.key == source.key);
+            if is_free { FREE_LAMPS } else { kind_of(source.kind) }
+        };
         let mut parts: Vec<(String, Vec<Range<u32>>)> = Vec::new();
         for source in &basis.sources {
             let name = match self {
                 LayerSet::None => continue,
                 LayerSet::Lights => layer_name(&source.key, look),
-                LayerSet::Groups => group_of(&source.key, look).unwrap_or_else(|| kind_of(source.kind).to_owned()),
+                LayerSet::Groups => group_of(&source.key, look).unwrap_or_else(|| kind_of(source).to_owned()),
             };
             match parts.iter_mut().find(|(other, _)| *other == name) {
                 Some((_, columns)) => columns.push(source.columns.clone()),
@@ -137,8 +143,9 @@ impl LayerSet {
 
 #[cfg(test)]
 mod tests {
-    use clerestory_transport::basis::LightSource;
-    use clerestory_transport::light::LightGroup;
+    use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+    use clerestory_transport::light::{LightGroup, LightSetting};
+    use glam::Vec3;
 
     use super::*;
 
@@ -210,6 +217,34 @@ mod tests {
         LayerSet::Lights.take_in(&mut layers, layer("work", 8.0));
         let told = layers.iter().map(|layer| (layer.key.as_str(), layer.radiance.pixels[0][0]));
         assert_eq!(told.collect::<Vec<_>>(), [("work", 3.0), (FREE_LAMPS, 4.0), ("work", 8.0)]);
+    }
+
+    #[test]
+    fn free_lamps_that_were_made_lights_of_the_scene_are_a_kind_of_their_own() {
+        let lamp = |key: &str| FreeLamp {
+            key: key.into(),
+            shape: LampShape::Point,
+            position: Vec3::ZERO,
+            aim: Vec3::NEG_Y,
+            strength: 1.0,
+            unit: LampUnit::Candela,
+            setting: LightSetting::default(),
+            turn_rad: 0.0,
+            replaces: None,
+        };
+        let source = |key: &str, kind| LightSource::plain(key, kind, 0..1);
+        let basis = LightBasis::new(vec![
+            source("desk", SourceKind::Point),
+            source("Lamp 1", SourceKind::Point),
+            source("Lamp 2", SourceKind::Emitter),
+        ]);
+        let mut look = Look::default();
+        look.lights.lamps = ["Lamp 1", "Lamp 2"].map(lamp).into();
+        assert_eq!(names_of(LayerSet::Groups, &basis, &look), ["lamps", FREE_LAMPS]);
+        assert_eq!(names_of(LayerSet::Lights, &basis, &look), ["desk", "Lamp 1", "Lamp 2"]);
+        let lights = ["Lamp 2".to_owned()].into();
+        look.lights.groups.insert("work".into(), LightGroup { lights, intensity: 1.0, muted: false });
+        assert_eq!(names_of(LayerSet::Groups, &basis, &look), ["lamps", FREE_LAMPS, "work"]);
     }
 
     #[test]
