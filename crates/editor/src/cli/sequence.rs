@@ -17,6 +17,7 @@ use super::lamps;
 use super::picture;
 use super::relight::open_graphics;
 use super::view::{files_of_look, files_of_scene, load_bake, load_look, warn_of_unknown_lights};
+use crate::look::Look;
 use crate::look::lamps::resolve;
 use crate::look::timeline::FPS;
 use crate::sequence::{Pattern, Sequence};
@@ -102,11 +103,10 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     let bake = load_bake(&args.transport)?;
     let header = bake.header.clone();
     let file = sequence.options.window([header.width, header.height])?;
-    sequence
-        .look
-        .snapshots
-        .iter()
-        .for_each(|snapshot| warn_of_unknown_lights(&header.basis, &snapshot.look(), console));
+    for snapshot in &sequence.look.snapshots {
+        let (names, scene) = (sequence.look.names.clone(), sequence.look.scene.clone());
+        warn_of_unknown_lights(&header.basis, &Look { names, scene, ..snapshot.look() }, console);
+    }
     let rigs = sequence.look.snapshots.iter().map(|snapshot| &snapshot.lights);
     lamps::warn_of_no_lamps(rigs, lamps::options_of_lamps(args), console);
     let all: Vec<_> = sequence.look.seen_in_time().flat_map(|snapshot| snapshot.lights.lit_lamps()).collect();
