@@ -143,7 +143,7 @@ fn by_angles(angles: &str) -> Result<SunSetting, String> {
 
 /// Year, month and day of `2026-06-21`; they may not exist.
 fn date_of(text: &str) -> Option<(i32, u32, u32)> {
-    let parts: Vec<u32> = text.split('-').map_while(|part| part.parse().ok()).collect();
+    let parts: Vec<u32> = text.split('-').map(|part| part.parse().ok()).collect::<Option<_>>()?;
     let &[year, month, day] = parts.as_slice() else { return None };
     Some((i32::try_from(year).unwrap_or(i32::MAX), month, day))
 }
@@ -323,6 +323,7 @@ mod tests {
             (r#"{"sun": {"azimuth_deg": 3, "elevation_deg": 91}}"#, "`sky.sun.elevation_deg`"),
             (r#"{"sun": {"date": "2026-13-01", "time": "10:00", "latitude_deg": 0, "longitude_deg": 0}}"#, "`sky.sun`"),
             (r#"{"sun": {"date": "today", "time": "10:00"}}"#, "`sky.sun.date`"),
+            (r#"{"sun": {"date": "2026-06-21-noon", "time": "10:00"}}"#, "`sky.sun.date`"),
             (r#"{"sun": {"date": "2026-01-01", "time": "25:00"}}"#, "`sky.sun.time`"),
             (r#"{"sun": {"date": "2026-01-01", "time": "9:00"}}"#, "`sky.sun.latitude_deg`"),
         ] {
