@@ -18,6 +18,9 @@ use super::{Display, Look};
 /// A spot that covers its panel: what a panel without spots shines like.
 const UNIFORM: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 100.0, color: None, intensity: 1.0 };
 
+/// The light that is shown as neutral where a look chooses none: D65, which lies beside the Planckian locus.
+const DISPLAY_WHITE: WhitePoint = WhitePoint { kelvin: DISPLAY_KELVIN, duv: 0.0032 };
+
 /// A whole turn: an angle that goes on behind it comes round again, as a file holds no more.
 const TURN_DEG: f64 = 360.0;
 
@@ -259,7 +262,7 @@ fn shape(a: &LampShape, b: &LampShape, t: f32) -> LampShape {
 /// temperature. What has no middle changes half way.
 fn display(a: &Display, b: &Display, t: f32) -> Display {
     let nearer = if t < 0.5 { a } else { b };
-    let white = |display: &Display| display.white.unwrap_or(WhitePoint { kelvin: DISPLAY_KELVIN, duv: 0.0 });
+    let white = |display: &Display| display.white.unwrap_or(DISPLAY_WHITE);
     let (x, y) = (white(a), white(b));
     let between = WhitePoint { kelvin: 1.0 / lerp(1.0 / x.kelvin, 1.0 / y.kelvin, t), duv: lerp(x.duv, y.duv, t) };
     let exposure_ev = a.exposure_ev.zip(b.exposure_ev).map(|(x, y)| lerp(x, y, t));
@@ -270,6 +273,7 @@ fn display(a: &Display, b: &Display, t: f32) -> Display {
 
 #[cfg(test)]
 mod tests {
+    use clerestory_relight::{Radiance, Tone, encode};
     use clerestory_transport::basis::{LightSource, SourceKind};
     use clerestory_transport::lamps::LampUnit;
     use clerestory_transport::light::planckian_tint;
@@ -407,6 +411,18 @@ mod tests {
         assert_eq!(again.rotation_deg, 10.0);
         assert_eq!(again.sun.unwrap().place, SunPlace::Angles { azimuth_deg: 5.0, elevation_deg: 40.0 });
         assert_eq!(sky(None, None, 0.5), None);
+    }
+
+    #[test]
+    fn white_balance_comes_up_from_colors_as_they_are() {
+        let gray = Radiance { width: 1, height: 1, pixels: vec![[0.5; 3]] };
+        let shown = |display: Display| encode(&gray, &display.metered(&gray));
+        let plain = Display { exposure_ev: Some(0.0), tone: Tone::Linear, ..Display::default() };
+        let warm = Display { white: Some(WhitePoint { kelvin: 3000.0, duv: 0.0 }), ..plain };
+        for between in [display(&plain, &warm, 1e-3), display(&warm, &plain, 1.0 - 1e-3)] {
+            let (just, before) = (shown(between), shown(plain));
+            assert!(just.iter().zip(&before).all(|(a, b)| a.abs_diff(*b) <= 1), "{just:?} is not {before:?}");
+        }
     }
 
     #[test]
