@@ -13,6 +13,7 @@ use clerestory_transport::sky::{SkySetting, SunPlace, SunSetting};
 use glam::{Vec2, Vec3};
 
 use super::display::DISPLAY_KELVIN;
+use super::groups::join;
 use super::{Display, Look};
 
 /// A spot that covers its panel: what a panel without spots shines like.
@@ -59,13 +60,11 @@ fn rig(a: &LightRig, b: &LightRig, t: f32, basis: Option<&LightBasis>) -> LightR
         (key.clone(), spots(&ends, own_color(key)))
     };
     let panels = panels.into_iter().map(panel).collect();
-    LightRig {
-        lights,
-        panels,
-        sky: sky(a.sky.as_ref(), b.sky.as_ref(), t),
-        lamps: lamps(&a.lamps, &b.lamps, t),
-        groups: a.groups.clone(),
-    }
+    let (lamps, renamed) = lamps(&a.lamps, &b.lamps, t);
+    let sky = sky(a.sky.as_ref(), b.sky.as_ref(), t);
+    let mut mixed = LightRig { lights, panels, sky, lamps, groups: a.groups.clone() };
+    renamed.iter().for_each(|[own, called]| join(&mut mixed, own, called));
+    mixed
 }
 
 /// The same light without groups: what they multiply is part of each light.
@@ -197,23 +196,27 @@ fn shortest_deg(turn: f64) -> f64 {
     (turn + 0.5 * TURN_DEG).rem_euclid(TURN_DEG) - 0.5 * TURN_DEG
 }
 
-/// Lamps of one name and kind move; others go out, and come up.
-fn lamps(a: &[FreeLamp], b: &[FreeLamp], t: f32) -> Vec<FreeLamp> {
+/// Lamps of one name and kind move; others go out, and come up. Answers as well how those are called that come up beside another one of
+/// their name.
+fn lamps(a: &[FreeLamp], b: &[FreeLamp], t: f32) -> (Vec<FreeLamp>, Vec<[String; 2]>) {
     let partner = |lamp: &FreeLamp| b.iter().find(|other| other.key == lamp.key && is_alike(lamp, other));
     let dimmed = |lamp: &FreeLamp, by: f32| {
         let setting = LightSetting { intensity: lamp.setting.intensity * by, ..lamp.setting };
         FreeLamp { setting, ..lamp.clone() }
     };
-    let mut lamps: Vec<FreeLamp> = Vec::new();
+    let (mut lamps, mut renamed): (Vec<FreeLamp>, Vec<[String; 2]>) = (Vec::new(), Vec::new());
     lamps.extend(a.iter().map(|lamp| partner(lamp).map_or_else(|| dimmed(lamp, 1.0 - t), |to| moved(lamp, to, t))));
     for lamp in b.iter().filter(|lamp| !a.iter().any(|from| from.key == lamp.key && is_alike(from, lamp))) {
         let mut new = dimmed(lamp, t);
         while lamps.iter().any(|other| other.key == new.key) || a.iter().any(|other| other.key == new.key) {
             new.key.push_str(NEW);
         }
+        if new.key != lamp.key {
+            renamed.push([lamp.key.clone(), new.key.clone()]);
+        }
         lamps.push(new);
     }
-    lamps
+    (lamps, renamed)
 }
 
 /// Whether a lamp can become another one.
@@ -276,7 +279,7 @@ mod tests {
     use clerestory_relight::{Radiance, Tone, encode};
     use clerestory_transport::basis::{LightSource, SourceKind};
     use clerestory_transport::lamps::LampUnit;
-    use clerestory_transport::light::planckian_tint;
+    use clerestory_transport::light::{LightGroup, planckian_tint};
 
     use super::*;
 
@@ -383,6 +386,14 @@ mod tests {
         assert_eq!((quarter[0].position, &quarter[0].shape), (Vec3::Y, &LampShape::Disk { radius_m: 1.5 }));
         assert_eq!(fade(&a, &b, 0.0, None), a);
         assert_eq!(fade(&a, &b, 1.0, None), b);
+        // A group of both looks is one of the lamp that goes out and of the one that comes up.
+        for look in [&mut a, &mut b] {
+            let lights = ["x".to_owned()].into();
+            look.lights.groups.insert("work".into(), LightGroup { lights, intensity: 0.5, muted: false });
+        }
+        let lit = fade(&a, &b, 0.75, None).lights.lit_lamps();
+        let told: Vec<_> = lit[1..3].iter().map(|l| (l.key.as_str(), l.setting.intensity)).collect();
+        assert_eq!(told, [("x", 0.125), ("x (new)", 0.375)]);
     }
 
     #[test]
