@@ -78,10 +78,16 @@ impl LayerSet {
         for source in &basis.sources {
             let name = match self {
                 LayerSet::None => continue,
-                LayerSet::Lights => layer_name(&source.key, look),
+                LayerSet::Lights => {
+                    let name = layer_name(&source.key, look);
+                    // Another light is called so by its key.
+                    let is_taken =
+                        name != source.key && !look.names.contains_key(&name) && basis.source(&name).is_some();
+                    if is_taken { source.key.clone() } else { name }
+                }
                 LayerSet::Groups => group_of(&source.key, look).unwrap_or_else(|| kind_of(source).to_owned()),
             };
-            match parts.iter_mut().find(|(other, _)| *other == name) {
+            match parts.iter_mut().find(|(other, _)| self == LayerSet::Groups && *other == name) {
                 Some((_, columns)) => columns.push(source.columns.clone()),
                 None => parts.push((name, vec![source.columns.clone()])),
             }
@@ -197,6 +203,16 @@ mod tests {
             columns.sort_unstable();
             assert_eq!(columns, (0..basis.n_cols() as u32).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    fn a_light_that_is_called_as_another_one_has_a_layer_of_its_own() {
+        let (basis, mut look) = (basis(), Look::default());
+        look.names.insert("wall".into(), "screen".into());
+        let keys = ["desk", "screen", "wall", "sky", "ceiling"];
+        assert_eq!(names_of(LayerSet::Lights, &basis, &look), keys);
+        look.names.insert("screen".into(), "wall".into());
+        assert_eq!(names_of(LayerSet::Lights, &basis, &look), ["desk", "wall", "screen", "sky", "ceiling"]);
     }
 
     #[test]
