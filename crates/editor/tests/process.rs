@@ -396,38 +396,52 @@ fn an_interrupted_relight_leaves_nothing_behind() {
     }
 }
 
+/// Waits until a process reads a pipe, which stays open and empty then.
 #[cfg(unix)]
-#[test]
-fn frames_heed_signals_while_the_bake_is_read() {
+fn read_by_now(pipe: &Path) -> std::fs::File {
     use std::os::unix::fs::OpenOptionsExt;
-    let folder = desk();
-    let look = r#"{"clerestory": 1, "looks": [{"name": "Day"}], "timeline": {"keys": [{"time": 0, "look": "Day"}]}}"#;
-    std::fs::write(folder.path().join("a.look"), look).unwrap();
-    let pipe = folder.path().join("room.transport");
-    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    let line = "relight room.transport --look a.look --device cpu -o f_#.exr";
-    let mut child = clerestory(folder.path()).args(line.split(' ')).stderr(Stdio::piped()).spawn().unwrap();
     let deadline = Instant::now() + Duration::from_secs(60);
-    // It can be opened once the command reads it, and no bake comes out of it.
-    let held = loop {
-        match std::fs::OpenOptions::new().write(true).custom_flags(libc::O_NONBLOCK).open(&pipe) {
-            Ok(held) => break held,
-            Err(error) => assert!(Instant::now() < deadline, "nobody reads: {error}"),
-        }
-        std::thread::sleep(Duration::from_millis(2));
-    };
-    signal(&child, "-INT");
-    while child.try_wait().unwrap().is_none() {
-        if Instant::now() > deadline {
-            child.kill().unwrap();
+    loop {
+        match std::fs::OpenOptions::new().write(true).custom_flags(libc::O_NONBLOCK).open(pipe) {
+            Ok(held) => return held,
+            Err(error) => assert!(Instant::now() < deadline, "nobody reads {}: {error}", pipe.display()),
         }
         std::thread::sleep(Duration::from_millis(2));
     }
-    let output = child.wait_with_output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(130), "{said}");
-    assert_eq!(said, "stopped: nothing was written\n");
-    drop(held);
+}
+
+#[cfg(unix)]
+#[test]
+fn signals_are_heeded_while_files_are_read() {
+    let folder = desk();
+    let look = r#"{"clerestory": 1, "looks": [{"name": "Day"}], "timeline": {"keys": [{"time": 0, "look": "Day"}]}}"#;
+    std::fs::write(folder.path().join("a.look"), look).unwrap();
+    for pipe in ["pipe.transport", "pipe.look"] {
+        assert!(Command::new("mkfifo").arg(folder.path().join(pipe)).status().unwrap().success());
+    }
+    let before = names_in(folder.path());
+    for (line, pipe) in [
+        ("relight pipe.transport --look a.look --device cpu -o f_#.exr", "pipe.transport"),
+        ("render room.gltf --look pipe.look --device cpu --size 8x6 -o a.png", "pipe.look"),
+        ("trace room.gltf --look pipe.look --size 8x6 -o a.png", "pipe.look"),
+    ] {
+        let mut child = clerestory(folder.path()).args(line.split(' ')).stderr(Stdio::piped()).spawn().unwrap();
+        let held = read_by_now(&folder.path().join(pipe));
+        signal(&child, "-INT");
+        let deadline = Instant::now() + Duration::from_secs(60);
+        while child.try_wait().unwrap().is_none() {
+            if Instant::now() > deadline {
+                child.kill().unwrap();
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(130), "{line}: {said}");
+        assert_eq!(said, "stopped: nothing was written\n", "{line}");
+        assert_eq!(names_in(folder.path()), before, "{line}");
+        drop(held);
+    }
 }
 
 #[cfg(target_os = "linux")]
