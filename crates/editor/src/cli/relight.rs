@@ -69,7 +69,10 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
         open_view(&args.scene, &asked, sky.as_ref(), console)
     })?;
     target.options.window([view.film.width, view.film.height])?;
+    // The sky was mixed with what was typed, not with what is baked of both.
+    let sky = target.look.lights.sky.take();
     target.look = chosen(&target.document, &args.relight, &view.scene.lighting.basis, console)?;
+    target.look.lights.sky = sky;
     target.told = Some(target.look.clone());
     // Nothing is kept of this bake, so that its lamps need not be movable.
     lamps::install(&mut view, &mut target.look.lights, args.relight.look.as_deref(), console)?;

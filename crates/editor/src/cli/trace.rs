@@ -44,7 +44,10 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
         open_view(&args.scene, &asked, sky.as_ref(), console)
     })?;
     let basis = &view.scene.lighting.basis;
-    let look = args.choice.of(&or_of_file(document, args.look.as_deref(), basis), Some(basis))?;
+    // The sky was mixed with what was typed, not with what shines of both.
+    let sky = look.lights.sky;
+    let mut look = args.choice.of(&or_of_file(document, args.look.as_deref(), basis), Some(basis))?;
+    look.lights.sky = sky;
     warn_of_unknown_lights(basis, &look, console);
     let mut rig = look.lights.clone();
     lamps::install(&mut view, &mut rig, args.look.as_deref(), console)?;

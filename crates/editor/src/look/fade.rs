@@ -9,7 +9,7 @@ use clerestory_relight::display::WhitePoint;
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::lamps::{FreeLamp, LampShape};
 use clerestory_transport::light::{LightRig, LightSetting, PanelSpot};
-use clerestory_transport::sky::{SkySetting, SunPlace, SunSetting};
+use clerestory_transport::sky::{SkyLight, SkySetting, SunPlace, SunSetting};
 use glam::{Vec2, Vec3};
 
 use super::display::DISPLAY_KELVIN;
@@ -61,7 +61,7 @@ fn rig(a: &LightRig, b: &LightRig, t: f32, basis: Option<&LightBasis>) -> LightR
     };
     let panels = panels.into_iter().map(panel).collect();
     let (lamps, renamed) = lamps(&a.lamps, &b.lamps, t);
-    let sky = sky(a.sky.as_ref(), b.sky.as_ref(), t);
+    let sky = sky(a.sky.as_ref(), b.sky.as_ref(), t, basis.and_then(|basis| basis.sky.as_ref()));
     let mut mixed = LightRig { lights, panels, sky, lamps, groups: a.groups.clone() };
     renamed.iter().for_each(|[own, called]| join(&mut mixed, own, called));
     mixed
@@ -150,10 +150,12 @@ fn spots(ends: &[PanelEnd; 2], own: Vec3) -> Vec<PanelSpot> {
 }
 
 /// Between two skies of one map, or two suns: turned and dimmed along the way. One map does not become another: the first
-/// goes out by the middle, and the second comes up from there.
+/// goes out by the middle, and the second comes up from there. A look without a sky has the one that was `baked`, as that was turned and
+/// dimmed.
 #[expect(clippy::cast_possible_truncation, reason = "an angle, as exact as the look keeps it")]
-fn sky(a: Option<&SkySetting>, b: Option<&SkySetting>, t: f32) -> Option<SkySetting> {
-    let as_baked = SkySetting::default();
+fn sky(a: Option<&SkySetting>, b: Option<&SkySetting>, t: f32, baked: Option<&SkyLight>) -> Option<SkySetting> {
+    let (rotation_deg, intensity) = baked.map_or((0.0, 1.0), |sky| (sky.rotation_deg, sky.intensity));
+    let as_baked = SkySetting { rotation_deg, intensity, ..SkySetting::default() };
     let (from, to) = (a.unwrap_or(&as_baked), b.unwrap_or(&as_baked));
     let mixed = match (from.sun, to.sun) {
         _ if from.file != to.file => None,
@@ -280,6 +282,7 @@ mod tests {
     use clerestory_transport::basis::{LightSource, SourceKind};
     use clerestory_transport::lamps::LampUnit;
     use clerestory_transport::light::{LightGroup, planckian_tint};
+    use clerestory_transport::sky::Environment;
 
     use super::*;
 
@@ -402,16 +405,16 @@ mod tests {
             sun: Some(SunSetting::by_angles(azimuth, elevation)),
             ..SkySetting::default()
         };
-        let between = sky(Some(&at(350.0, 40.0)), Some(&at(20.0, 20.0)), 0.5).unwrap();
+        let between = sky(Some(&at(350.0, 40.0)), Some(&at(20.0, 20.0)), 0.5, None).unwrap();
         let place = between.sun.unwrap().place;
         assert_eq!(place, SunPlace::Angles { azimuth_deg: 5.0, elevation_deg: 30.0 });
         assert!(between.map.is_some(), "its sky comes with it");
         let file = SkySetting { file: Some("a.hdr".into()), intensity: 2.0, ..SkySetting::default() };
-        let steps = [0.25, 0.75].map(|t| sky(Some(&file), None, t).unwrap());
+        let steps = [0.25, 0.75].map(|t| sky(Some(&file), None, t, None).unwrap());
         assert_eq!((steps[0].file.as_deref(), steps[0].intensity), (Some("a.hdr"), 1.0));
         assert_eq!((steps[1].file.as_deref(), steps[1].intensity), (None, 0.5));
         let turned = SkySetting { rotation_deg: 350.0, ..SkySetting::default() };
-        assert_eq!(sky(None, Some(&turned), 0.5).unwrap().rotation_deg, -5.0);
+        assert_eq!(sky(None, Some(&turned), 0.5, None).unwrap().rotation_deg, -5.0);
         // At the ends of what a file holds, between two looks and in the file of what lies there.
         let far = [3600.0, 20.0].map(|rotation_deg| SkySetting { rotation_deg, ..at(350.0, 40.0) });
         let [from, mut to] =
@@ -421,7 +424,24 @@ mod tests {
         let again = again.lights.sky.unwrap();
         assert_eq!(again.rotation_deg, 10.0);
         assert_eq!(again.sun.unwrap().place, SunPlace::Angles { azimuth_deg: 5.0, elevation_deg: 40.0 });
-        assert_eq!(sky(None, None, 0.5), None);
+        assert_eq!(sky(None, None, 0.5, None), None);
+    }
+
+    #[test]
+    fn a_sky_that_was_baked_turned_and_dimmed_is_where_a_fade_begins() {
+        let light = SkyLight::new("day.hdr", Environment::uniform(Vec3::ONE));
+        let baked = Some(SkyLight { rotation_deg: 30.0, intensity: 2.0, ..light });
+        let basis = LightBasis { sky: baked, ..basis() };
+        let between = |to: SkySetting, t: f32| {
+            let mut look = Look::default();
+            look.lights.sky = Some(to);
+            let sky = fade(&Look::default(), &look, t, Some(&basis)).lights.sky.unwrap();
+            (sky.file, sky.rotation_deg, sky.intensity)
+        };
+        let turned = SkySetting { rotation_deg: 50.0, intensity: 4.0, ..SkySetting::default() };
+        assert_eq!(between(turned, 0.5), (None, 40.0, 3.0));
+        let other = SkySetting { file: Some("night.hdr".into()), ..SkySetting::default() };
+        assert_eq!(between(other, 0.25), (None, 30.0, 1.0));
     }
 
     #[test]
