@@ -55,14 +55,29 @@ pub fn layer_name(key: &str, look: &Look) -> String {
     if is_shared { key.to_owned() } else { name.to_owned() }
 }
 
-/// What the layer of the first group is called that holds a light: as the panel of lights calls it, its key where it calls another one so.
+/// What the panel of lights calls a group.
+fn called<'a>(group: &'a str, look: &'a Look) -> &'a str {
+    look.names.get(group).map_or_else(|| own_name(group), String::as_str)
+}
+
+/// What the layer of a group is called: as the panel of lights calls it, its key where it calls another one so.
+fn group_name<'a>(group: &'a str, look: &'a Look) -> &'a str {
+    let name = called(group, look);
+    let is_shared = look.lights.groups.keys().any(|other| other != group && called(other, look) == name);
+    if is_shared { group } else { name }
+}
+
+/// The same of the first group that holds a light.
 fn group_of(light: &str, look: &Look) -> Option<String> {
-    let name_of = |key: &'_ str| look.names.get(key).map_or_else(|| own_name(key).to_owned(), String::clone);
-    let groups = &look.lights.groups;
-    let (key, _) = groups.iter().find(|(_, group)| group.lights.contains(light))?;
-    let name = name_of(key);
-    let is_shared = groups.keys().any(|other| other != key && name_of(other) == name);
-    Some(if is_shared { key.clone() } else { name })
+    let (key, _) = look.lights.groups.iter().find(|(_, group)| group.lights.contains(light))?;
+    Some(group_name(key, look).to_owned())
+}
+
+/// What the layer of a kind is called: with a number where a group is called so.
+fn kind_name(kind: &str, look: &Look) -> String {
+    let mut groups = look.lights.groups.keys().filter(|group| group.as_str() == kind || called(group, look) == kind);
+    let is_taken = groups.any(|group| group_name(group, look) == kind);
+    if is_taken { format!("{kind}#2") } else { kind.to_owned() }
 }
 
 impl LayerSet {
@@ -85,7 +100,7 @@ impl LayerSet {
                         name != source.key && !look.names.contains_key(&name) && basis.source(&name).is_some();
                     if is_taken { source.key.clone() } else { name }
                 }
-                LayerSet::Groups => group_of(&source.key, look).unwrap_or_else(|| kind_of(source).to_owned()),
+                LayerSet::Groups => group_of(&source.key, look).unwrap_or_else(|| kind_name(kind_of(source), look)),
             };
             match parts.iter_mut().find(|(other, _)| self == LayerSet::Groups && *other == name) {
                 Some((_, columns)) => columns.push(source.columns.clone()),
@@ -102,7 +117,7 @@ impl LayerSet {
             let name = match self {
                 LayerSet::None => continue,
                 LayerSet::Lights => layer_name(key, look),
-                LayerSet::Groups => group_of(key, look).unwrap_or_else(|| FREE_LAMPS.to_owned()),
+                LayerSet::Groups => group_of(key, look).unwrap_or_else(|| kind_name(FREE_LAMPS, look)),
             };
             match parts.iter_mut().find(|(other, _)| self == LayerSet::Groups && *other == name) {
                 Some((_, lamps)) => lamps.push(idx),
@@ -203,6 +218,18 @@ mod tests {
             columns.sort_unstable();
             assert_eq!(columns, (0..basis.n_cols() as u32).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    fn a_group_that_is_called_as_a_kind_holds_its_own_lights_alone() {
+        let (basis, mut look) = (basis(), Look::default());
+        for (name, light) in [("lamps", "desk"), (FREE_LAMPS, "Lamp 1")] {
+            let lights = [light.to_owned()].into();
+            look.lights.groups.insert(name.into(), LightGroup { lights, intensity: 1.0, muted: false });
+        }
+        assert_eq!(names_of(LayerSet::Groups, &basis, &look), ["lamps", "surfaces", "lamps#2", "sky", "panels"]);
+        let parts = LayerSet::Groups.lamp_parts(&["Lamp 1", "Lamp 2"], &look);
+        assert_eq!(parts, [(FREE_LAMPS.to_owned(), vec![0]), (format!("{FREE_LAMPS}#2"), vec![1])]);
     }
 
     #[test]
