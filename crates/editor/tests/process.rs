@@ -695,6 +695,25 @@ fn wishes_become_a_look_that_meets_them_and_bad_ones_fail_with_words() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn wishes_and_looks_may_come_out_of_a_pipe() {
+    let folder = desk();
+    succeeds(folder.path(), "bake room.gltf --size 16x12 --spp 4 -o room.transport");
+    std::fs::write(folder.path().join("w.json"), r#"{"wishes": [{"times": 2}]}"#).unwrap();
+    for (file, line) in [
+        ("w.json", "solve room.transport --wishes /dev/stdin -o a.look"),
+        ("a.look", "solve room.transport --wishes w.json --look /dev/stdin -o b.look"),
+        ("b.look", "relight room.transport --look /dev/stdin --device cpu -o a.png"),
+    ] {
+        let script = format!("cat {file} | \"$0\" {line}");
+        let mut piped = Command::new("sh");
+        piped.current_dir(folder.path()).args(["-c", &script, env!("CARGO_BIN_EXE_clerestory")]);
+        let output = piped.output().unwrap();
+        assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+}
+
 #[test]
 fn the_work_plane_of_a_look_is_baked_with_the_illuminance_unless_another_one_is_named() {
     let folder = desk();

@@ -115,8 +115,8 @@ pub(crate) fn spare_files(output: &Path, files: &[(&'static str, PathBuf)]) -> R
 
 /// The files that a look names, and what they are called: its scene, its skies, what its lamps are measured by, and pictures to match.
 pub(crate) fn files_of_look(path: Option<&Path>, look: &Look) -> Vec<(&'static str, PathBuf)> {
-    // Of a pipe nothing more is read. A bake that the look was saved with may be made anew under it.
-    let scene = path.filter(|path| path.is_file()).and_then(named_scene).filter(|scene| !is_transport(scene));
+    // A bake that the look was saved with may be made anew under it.
+    let scene = path.and_then(named_scene).filter(|scene| !is_transport(scene));
     let folder = path.and_then(Path::parent).unwrap_or(Path::new(""));
     let skies = look.rigs().filter_map(|rig| rig.sky.as_ref()?.file.as_deref());
     let skies = skies.map(|file| ("sky", folder.join(file)));
