@@ -171,23 +171,34 @@ impl Vertices {
         }
     }
 
-    /// Adds the weighted morph targets, as the file's default weights ask.
+    /// Adds the weighted morph targets, as the file's default weights ask. Handedness of tangents stays.
     fn morph(&mut self, reader: &Reader, job: &Job, notes: &mut Notes) {
+        let n_vertices = self.positions.len();
         for (target, &weight) in job.primitive.targets.iter().flatten().zip(job.weights) {
             if weight == 0.0 || !weight.is_finite() {
                 continue;
             }
-            let mut add =
-                |accessor: Option<Index<Accessor>>, to: &mut [Vec3]| match optional(accessor.map(|a| a.value()), |a| {
-                    reader.floats::<3>(a, Integers::AsDeclared)
-                }) {
-                    Ok(deltas) => {
-                        to.iter_mut().zip(deltas).for_each(|(value, delta)| *value += weight * Vec3::from(delta));
+            let mut read = |accessor: Option<Index<Accessor>>| -> Vec<Vec3> {
+                let deltas = optional(accessor.map(|a| a.value()), |a| reader.floats::<3>(a, Integers::AsDeclared));
+                let reason = match deltas {
+                    Ok(deltas) if deltas.is_empty() || deltas.len() == n_vertices => {
+                        return deltas.into_iter().map(|delta| weight * Vec3::from(delta)).collect();
                     }
-                    Err(reason) => notes.warn(format!("{}: {reason}: a morph target is ignored", job.name)),
+                    Ok(deltas) => format!("{} displacements for {n_vertices} vertices", deltas.len()),
+                    Err(reason) => reason,
                 };
-            add(target.positions, &mut self.positions);
-            add(target.normals, &mut self.normals);
+                notes.warn(format!("{}: {reason}: a morph target is ignored", job.name));
+                Vec::new()
+            };
+            self.positions.iter_mut().zip(read(target.positions)).for_each(|(value, delta)| *value += delta);
+            // What a primitive does not have cannot be displaced.
+            if !self.normals.is_empty() {
+                self.normals.iter_mut().zip(read(target.normals)).for_each(|(value, delta)| *value += delta);
+            }
+            if !self.tangents.is_empty() {
+                let deltas = read(target.tangents);
+                self.tangents.iter_mut().zip(deltas).for_each(|(value, delta)| *value += delta.extend(0.0));
+            }
         }
     }
 

@@ -251,6 +251,32 @@ fn morph_targets_move_by_their_default_weights() {
 }
 
 #[test]
+fn morph_targets_turn_tangents_and_keep_their_handedness() {
+    let mut fixture = normal_mapped_quad(&[0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    let tangent = fixture.floats("VEC4", &[1.0, 0.0, 0.0, -1.0].repeat(4));
+    // From +X to +Y.
+    let delta = fixture.floats("VEC3", &[-2.0, 2.0, 0.0].repeat(4));
+    fixture.primitive()["attributes"]["TANGENT"] = json!(tangent);
+    fixture.primitive()["targets"] = json!([{"TANGENT": delta}]);
+    fixture.root["meshes"][0]["weights"] = json!([0.5]);
+    let mesh = fixture.load().scene.mesh;
+    let turned = Vec4::new(0.0, 1.0, 0.0, -1.0);
+    assert!(mesh.tangents.iter().all(|tangent| tangent.distance(turned) < 1e-6), "{:?}", mesh.tangents);
+}
+
+#[test]
+fn a_morph_target_that_is_not_as_long_as_its_mesh_is_told_and_moves_nothing() {
+    let mut fixture = Fixture::triangle();
+    let delta = fixture.floats("VEC3", &[0.0, 0.0, 2.0].repeat(2));
+    fixture.primitive()["targets"] = json!([{"POSITION": delta}]);
+    fixture.root["meshes"][0]["weights"] = json!([1.0]);
+    let imported = fixture.load();
+    assert!(imported.scene.mesh.positions.iter().all(|p| p.z == 0.0), "{:?}", imported.scene.mesh.positions);
+    let [line] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
+    assert!(line.contains("2 displacements for 3 vertices"), "{line}");
+}
+
+#[test]
 fn attributes_that_some_primitives_lack_are_filled_up() {
     let mut fixture = Fixture::triangle();
     let color = fixture.floats("VEC4", &[0.5, 0.25, 0.0, 1.0].repeat(3));
