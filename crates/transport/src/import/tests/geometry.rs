@@ -277,6 +277,26 @@ fn a_morph_target_that_is_not_as_long_as_its_mesh_is_told_and_moves_nothing() {
 }
 
 #[test]
+fn displaced_texture_coordinates_and_colors_are_told_where_they_have_weight() {
+    let told = |key: &str, of_mesh: f32, of_node: f32| {
+        let mut fixture = Fixture::triangle();
+        let delta = fixture.floats("VEC3", &[0.5; 9]);
+        fixture.primitive()["targets"] = json!([{"POSITION": delta}, {key: delta}]);
+        fixture.root["meshes"][0]["name"] = json!("face");
+        fixture.root["meshes"][0]["weights"] = json!([1.0, of_mesh]);
+        fixture.node(json!({"weights": [1.0, of_node]})).load().report.unsupported
+    };
+    for key in ["TEXCOORD_0", "COLOR_0"] {
+        for [of_mesh, of_node] in [[0.5, 0.0], [0.0, 0.5]] {
+            let told = told(key, of_mesh, of_node);
+            assert!(matches!(&told[..], [one] if one.contains("\"face\"") && one.contains("colors")), "{told:?}");
+        }
+        assert_eq!(told(key, 0.0, 0.0), Vec::<String>::new());
+    }
+    assert_eq!(told("NORMAL", 1.0, 1.0), Vec::<String>::new());
+}
+
+#[test]
 fn attributes_that_some_primitives_lack_are_filled_up() {
     let mut fixture = Fixture::triangle();
     let color = fixture.floats("VEC4", &[0.5, 0.25, 0.0, 1.0].repeat(3));
