@@ -370,7 +370,12 @@ fn assemble(job: &Job, vertices: Vertices, triangles: Vec<[u32; 3]>, built: &mut
     if let Some(tangent_map) = job.tangent_map {
         // Tangents of a file belong to its normals: without these they are computed, as glTF asks.
         if has_normals && !vertices.tangents.is_empty() {
-            mesh.tangents = tangents::orthonormalized(vertices.tangents, &mesh.normals);
+            let (completed, n_computed) = tangents::completed(&mesh, &vertices.tangents, tangent_map);
+            mesh.tangents = completed;
+            if n_computed > 0 {
+                let lost = format!("{n_computed} tangents have no direction across their normals");
+                built.notes.warn(format!("{}: {lost}: they are computed instead", job.name));
+            }
         } else {
             tangents::compute(&mut mesh, tangent_map);
         }

@@ -241,6 +241,23 @@ fn given_and_computed_tangents_agree_under_a_mirror() {
 }
 
 #[test]
+fn tangents_without_direction_are_computed() {
+    let mut fixture = normal_mapped_quad(&[0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    let [given, none] = [[0.6, 0.8, 0.0, 1.0], [0.0; 4]];
+    // As exporters write them of a normal that lies along X, say.
+    let along_the_normal = [1e-6, 0.0, 1.0, -1.0];
+    let tangent = fixture.floats("VEC4", [given, none, along_the_normal, given].as_flattened());
+    fixture.primitive()["attributes"]["TANGENT"] = json!(tangent);
+    let imported = fixture.load();
+    let [given, computed] = [Vec4::from(given), Vec4::new(1.0, 0.0, 0.0, 1.0)];
+    for (tangent, expected) in imported.scene.mesh.tangents.iter().zip([given, computed, computed, given]) {
+        assert!(tangent.distance(expected) < 1e-5, "{:?}", imported.scene.mesh.tangents);
+    }
+    let told = imported.report.warnings.iter().filter(|line| line.contains("2 tangents have no direction"));
+    assert_eq!(told.count(), 1, "{:?}", imported.report.warnings);
+}
+
+#[test]
 fn morph_targets_move_by_their_default_weights() {
     let mut fixture = Fixture::triangle();
     let delta = fixture.floats("VEC3", &[0.0, 0.0, 2.0].repeat(3));
