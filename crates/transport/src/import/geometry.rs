@@ -152,8 +152,10 @@ impl Vertices {
         }
         let colors = optional(accessor_of(Semantic::Colors(0)), |a| reader.colors(a));
         if checked("vertex colors", length(&colors)) {
+            // They end at 1 by themselves, whatever they multiply. [glTF2, §3.7.2.1]
             let finite = |color: [f32; 4]| {
-                Some(Vec4::from(color)).filter(|color| color.is_finite()).unwrap_or(Vec4::ONE).max(Vec4::ZERO)
+                let color = Some(Vec4::from(color)).filter(|color| color.is_finite()).unwrap_or(Vec4::ONE);
+                color.clamp(Vec4::ZERO, Vec4::ONE)
             };
             self.colors = colors.unwrap_or_default().into_iter().map(finite).collect();
         }

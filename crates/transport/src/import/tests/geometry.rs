@@ -167,6 +167,15 @@ fn quantized_and_normalized_attributes_are_read() {
 }
 
 #[test]
+fn vertex_colors_are_held_to_what_gltf_allows() {
+    let mut fixture = Fixture::triangle();
+    let color = fixture.floats("VEC4", &[2.0, 0.5, -1.0, 3.0].repeat(3));
+    fixture.primitive()["attributes"]["COLOR_0"] = json!(color);
+    let mesh = fixture.load().scene.mesh;
+    assert_eq!(mesh.colors, vec![Vec4::new(1.0, 0.5, 0.0, 1.0); 3]);
+}
+
+#[test]
 fn sparse_elements_lie_over_dense_ones() {
     let mut fixture = Fixture::triangle();
     let places = fixture.view(&[1]);
