@@ -146,18 +146,17 @@ impl Vertices {
             let uvs =
                 optional(accessor_of(Semantic::TexCoords(set as u32)), |a| reader.floats::<2>(a, Integers::AsDeclared));
             if checked("texture coordinates", length(&uvs)) {
-                let finite = |uv: [f32; 2]| Some(Vec2::from(uv)).filter(|uv| uv.is_finite()).unwrap_or_default();
-                self.uvs[set] = uvs.unwrap_or_default().into_iter().map(finite).collect();
+                self.uvs[set] = uvs.unwrap_or_default().into_iter().map(Vec2::from).collect();
             }
         }
         let colors = optional(accessor_of(Semantic::Colors(0)), |a| reader.colors(a));
         if checked("vertex colors", length(&colors)) {
-            // They end at 1 by themselves, whatever they multiply. [glTF2, §3.7.2.1]
-            let finite = |color: [f32; 4]| {
-                let color = Some(Vec4::from(color)).filter(|color| color.is_finite()).unwrap_or(Vec4::ONE);
-                color.clamp(Vec4::ZERO, Vec4::ONE)
-            };
-            self.colors = colors.unwrap_or_default().into_iter().map(finite).collect();
+            self.colors = colors.unwrap_or_default().into_iter().map(Vec4::from).collect();
+        }
+        let n_odd = self.mend_numbers();
+        if n_odd > 0 {
+            let odd = format!("{n_odd} texture coordinates and colors are not finite");
+            notes.warn(format!("{}: {odd}: 0 and white stand for them", job.name));
         }
         for (set, _) in job.uv_sets.iter().enumerate().filter(|(_, places_textures)| **places_textures) {
             if accessor_of(Semantic::TexCoords(set as u32)).is_none() {
@@ -171,6 +170,24 @@ impl Vertices {
         if job.primitive.attributes.keys().any(beyond) {
             notes.unsupported(format!("{}: texture coordinate sets beyond the second are ignored", job.name));
         }
+    }
+
+    /// Holds colors to 0 … 1 and gives texture coordinates and colors that are not finite a value; how many these are.
+    fn mend_numbers(&mut self) -> usize {
+        let mut n_odd = 0_usize;
+        for uv in self.uvs.iter_mut().flatten().filter(|uv| !uv.is_finite()) {
+            *uv = Vec2::ZERO;
+            n_odd = n_odd.saturating_add(1);
+        }
+        for color in &mut self.colors {
+            if !color.is_finite() {
+                *color = Vec4::ONE;
+                n_odd = n_odd.saturating_add(1);
+            }
+            // They end at 1 by themselves, whatever they multiply. [glTF2, §3.7.2.1]
+            *color = color.clamp(Vec4::ZERO, Vec4::ONE);
+        }
+        n_odd
     }
 
     /// Adds the weighted morph targets, as the file's default weights ask. Handedness of tangents stays.

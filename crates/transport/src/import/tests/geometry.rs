@@ -176,6 +176,21 @@ fn vertex_colors_are_held_to_what_gltf_allows() {
 }
 
 #[test]
+fn texture_coordinates_and_colors_that_are_no_numbers_are_told() {
+    let mut fixture = Fixture::triangle();
+    let uv = fixture.floats("VEC2", &[0.5, f32::NAN, 0.5, 0.25, f32::INFINITY, 0.0]);
+    let color = fixture.floats("VEC3", &[0.5, 0.5, 0.5, 0.5, f32::NAN, 0.5, 0.5, 0.5, 0.5]);
+    fixture.primitive()["attributes"] = json!({"POSITION": 0, "TEXCOORD_0": uv, "COLOR_0": color});
+    let imported = fixture.load();
+    let mesh = &imported.scene.mesh;
+    assert_eq!(mesh.uvs[0], vec![Vec2::ZERO, Vec2::new(0.5, 0.25), Vec2::ZERO]);
+    let gray = Vec4::new(0.5, 0.5, 0.5, 1.0);
+    assert_eq!(mesh.colors, vec![gray, Vec4::ONE, gray]);
+    let [line] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
+    assert!(line.contains("3 texture coordinates and colors are not finite"), "{line}");
+}
+
+#[test]
 fn sparse_elements_lie_over_dense_ones() {
     let mut fixture = Fixture::triangle();
     let places = fixture.view(&[1]);
