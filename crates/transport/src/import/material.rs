@@ -137,7 +137,11 @@ impl Converter<'_> {
         material.attenuation_color = Vec3::from(self.unit_factors(color, 1.0, name, "attenuation color"));
         material.attenuation_distance = match volume.attenuation_distance.0 {
             distance if distance > 0.0 => distance,
-            _ => f32::INFINITY,
+            distance => {
+                let words = format!("its attenuation distance {distance} is out of range: nothing is attenuated");
+                self.notes.warn(format!("{name}: {words}"));
+                f32::INFINITY
+            }
         };
         if volume.thickness_texture.is_some() && material.thickness > 0.0 {
             self.notes.unsupported(format!("{name}: its thickness texture is ignored, as the shape itself is traced"));

@@ -90,6 +90,17 @@ fn factors_out_of_range_are_brought_back_and_reported() {
 }
 
 #[test]
+fn an_attenuation_distance_that_is_none_is_reported() {
+    for (distance, n_warnings) in [(0.0, 1), (-1.0, 1), (0.5, 0)] {
+        let volume = json!({"thicknessFactor": 1, "attenuationDistance": distance});
+        let imported = Fixture::triangle().material(json!({"extensions": {"KHR_materials_volume": volume}})).load();
+        let expected = if distance > 0.0 { distance } else { f32::INFINITY };
+        assert_eq!(imported.scene.materials[0].attenuation_distance, expected);
+        assert_eq!(imported.report.warnings.len(), n_warnings, "{:?}", imported.report.warnings);
+    }
+}
+
+#[test]
 fn an_emission_beyond_all_numbers_is_left_out_and_reported() {
     let imported = Fixture::triangle()
         .material(json!({
