@@ -120,10 +120,12 @@ impl Converter<'_> {
     }
 
     /// At least 1, but for glTF's 0, which stands for a reflectance of 1 at every angle.
-    pub(super) fn ior(&mut self, ior: f32, name: &str) -> f32 {
-        if ior == 0.0 {
-            return FULLY_REFLECTING_IOR;
-        }
+    fn ior(&mut self, ior: f32, name: &str) -> f32 {
+        if ior == 0.0 { FULLY_REFLECTING_IOR } else { self.index_of_refraction(ior, name) }
+    }
+
+    /// At least 1; what is not is reported.
+    pub(super) fn index_of_refraction(&mut self, ior: f32, name: &str) -> f32 {
         let sane = if ior.is_finite() { ior.max(1.0) } else { 1.5 };
         if sane != ior {
             self.notes.warn(format!("{name}: its index of refraction {ior} is out of range: {sane} is used"));

@@ -428,3 +428,15 @@ fn a_finish_that_makes_no_sense_is_reported() {
     let finish = imported.scene.materials[0].finish.as_ref().expect("a film");
     assert_eq!((finish.clearcoat, finish.iridescence, finish.film_ior), (0.0, 1.0, 1.0));
 }
+
+#[test]
+fn an_index_of_0_reflects_everything_as_that_of_a_surface_alone() {
+    let load = |extension: &str, members: Value| {
+        let imported = Fixture::triangle().material(json!({"extensions": {extension: members}})).load();
+        (imported.scene.materials[0].clone(), imported.report.warnings.len())
+    };
+    let (mirror, n_warnings) = load("KHR_materials_ior", json!({"ior": 0}));
+    assert_eq!((mirror.ior, n_warnings), (1000.0, 0));
+    let (filmed, n_warnings) = load("KHR_materials_iridescence", json!({"iridescenceFactor": 1, "iridescenceIor": 0}));
+    assert_eq!((filmed.finish.expect("a film").film_ior, n_warnings), (1.0, 1));
+}
