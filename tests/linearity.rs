@@ -42,12 +42,13 @@ fn two_lamps_together_equal_two_lamps_apart() {
 #[test]
 fn traced_lamps_add_up_too() {
     let scene = prepare(&two_lamps_and_a_panel().glb());
-    let picture = |rig: &LightRig, seed| traced(&scene, rig, FILM, &TraceConfig { spp: 32, bounces: None, seed });
+    // Light that was scattered twice is as linear as what goes on, and less noisy.
+    let picture = |rig: &LightRig, seed| traced(&scene, rig, FILM, &TraceConfig { spp: 192, bounces: Some(1), seed });
     let apart = sum(&[picture(&only("warm"), 1), picture(&only("cool"), 2), picture(&only("panel"), 3)]);
     let together = picture(&LightRig::default(), 4);
     let differences = apart.iter().zip(&together).map(|(a, b)| f64::from(a[1] - b[1]));
     let scale = Mean::of(together.iter().map(|rgb| f64::from(rgb[1]))).value;
-    Mean::of(differences).assert_is(0.0, 1e-4 * scale, 0.02 * scale);
+    Mean::of(differences).assert_is(0.0, 1e-4 * scale, 2.5e-3 * scale);
 }
 
 #[test]

@@ -21,6 +21,9 @@ const MEAN_TOLERANCE: f64 = 3e-3;
 const Z_MAX: f64 = 3.5;
 /// Share of blocks that must not be off.
 const SHARE: f64 = 0.995;
+/// Root mean square of z. Normal values of the greatest have as many beyond `Z_MAX` as `SHARE` leaves; noise of which the least were
+/// told would be half of that, and blocks could be off by twice as much.
+const SPREAD: std::ops::RangeInclusive<f64> = 0.5..=1.25;
 
 /// Samples per pixel of the references.
 const REFERENCE_SPP: f64 = 4096.0;
@@ -42,8 +45,8 @@ struct Reference {
 struct Blocks {
     /// z of each block.
     z: Vec<f64>,
-    /// Mean of ours over mean of the reference, minus 1.
-    bias: f64,
+    /// Mean of ours over mean of the reference, minus 1, and its standard error.
+    bias: [f64; 2],
 }
 
 fn channel(pixels: &[[f32; 3]], channel: usize, clip: f32) -> Vec<f64> {
@@ -70,10 +73,12 @@ impl Reference {
             own + (own * samples_ratio).max(self.rmse * self.rmse)
         };
         let variances = block_means(&a.iter().zip(&b).map(pixel_variance).collect::<Vec<_>>(), width, TILE);
+        let noise = (variances.iter().sum::<f64>() / variances.len() as f64 / theirs.len() as f64).sqrt();
         let difference: Vec<f64> = mean.iter().zip(&theirs).map(|(ours, theirs)| ours - theirs).collect();
         let z = block_means(&difference, width, TILE).into_iter().zip(&variances);
         let z = z.map(|(d, v)| d / (v / (TILE * TILE) as f64).sqrt()).collect();
-        Blocks { z, bias: difference.iter().sum::<f64>() / theirs.iter().sum::<f64>() }
+        let sum = theirs.iter().sum::<f64>();
+        Blocks { z, bias: [difference.iter().sum::<f64>() / sum, noise * theirs.len() as f64 / sum] }
     }
 
     fn check(&self) {
@@ -93,17 +98,16 @@ impl Reference {
             let n_off = blocks.z.iter().filter(|z| z.abs() > Z_MAX).count();
             let share = 1.0 - n_off as f64 / blocks.z.len() as f64;
             let spread = (blocks.z.iter().map(|z| z * z).sum::<f64>() / blocks.z.len() as f64).sqrt();
-            println!(
-                "{} channel {idx}: bias {:+.5}, blocks within {share:.4}, spread of z {spread:.3}",
-                self.name, blocks.bias
+            let [bias, error] = blocks.bias;
+            let told = format!(
+                "{} channel {idx}: mean off by {bias:+.5} ± {error:.5}, blocks within {share:.4}, spread of z {spread:.3}",
+                self.name
             );
-            assert!(
-                blocks.bias.abs() <= MEAN_TOLERANCE,
-                "{} channel {idx}: mean off by {:+.5}",
-                self.name,
-                blocks.bias
-            );
-            assert!(share >= SHARE, "{} channel {idx}: only {share:.4} of the blocks agree", self.name);
+            println!("{told}");
+            assert!(4.0 * error < MEAN_TOLERANCE, "{told}: the mean is too blurred");
+            assert!(bias.abs() <= MEAN_TOLERANCE, "{told}: the mean is off by more than {MEAN_TOLERANCE}");
+            assert!(share >= SHARE, "{told}: {SHARE} of the blocks have to be within {Z_MAX}");
+            assert!(SPREAD.contains(&spread), "{told}: the spread has to be within {SPREAD:?}");
         }
     }
 }

@@ -23,9 +23,11 @@ impl Mean {
     /// The standard error must be below `sharpness`, or the test could not fail.
     #[track_caller]
     pub fn assert_is(&self, expected: f64, slack: f64, sharpness: f64) {
-        assert!(self.error < sharpness, "{self:?} is too blurred to say anything, wanted below {sharpness}");
-        let off = (self.value - expected).abs();
-        assert!(off <= 4.0 * self.error + slack, "{self:?} is not {expected} (slack {slack})");
+        let off = self.value - expected;
+        let told = format!("{} ± {} for {expected}: off by {off:+.2e}, slack {slack:.1e}", self.value, self.error);
+        println!("{told}");
+        assert!(self.error < sharpness, "{told}: too blurred to say anything, wanted below ± {sharpness:.1e}");
+        assert!(off.abs() <= 4.0 * self.error + slack, "{told}: more than four standard errors");
     }
 }
 

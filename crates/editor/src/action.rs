@@ -179,6 +179,17 @@ pub enum Action {
     Quit,
 }
 
+impl Action {
+    /// Whether a file is made of what is open.
+    pub fn writes(&self) -> bool {
+        let is_look = matches!(self, Action::SaveLook(_) | Action::SaveLookAgain);
+        let is_picture = matches!(self, Action::ExportImage(_) | Action::ExportFrames(_) | Action::SaveSheet(_));
+        let is_scene = matches!(self, Action::ExportGltf(_) | Action::SaveBake(_));
+        let is_table = matches!(self, Action::SaveSchedule(_) | Action::SaveValues(_));
+        is_look || is_picture || is_scene || is_table
+    }
+}
+
 /// A panel beside the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Side {
@@ -405,6 +416,24 @@ mod tests {
         assert_eq!(FileTask::OpenScene.action("a".into()), Action::Open("a".into()));
         let look = Action::OpenLook("a.look".into());
         assert_eq!(FileTask::OpenScene.action("a.look".into()), look, "whatever is opened goes where it belongs");
+    }
+
+    #[test]
+    fn every_file_that_is_asked_for_to_be_written_is_written_by_an_action_that_says_so() {
+        let read = [FileTask::OpenScene, FileTask::OpenLook, FileTask::OpenSky, FileTask::FindScene];
+        let written = [
+            FileTask::SaveLook,
+            FileTask::Export,
+            FileTask::ExportFrames,
+            FileTask::ExportGltf,
+            FileTask::SaveSheet,
+            FileTask::SaveBake,
+            FileTask::SaveSchedule,
+            FileTask::SaveValues,
+        ];
+        for task in read.into_iter().chain(written) {
+            assert_eq!(task.action("a".into()).writes(), task.writes(), "{task:?}");
+        }
     }
 
     #[test]

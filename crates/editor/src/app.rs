@@ -12,6 +12,7 @@ mod habits;
 mod heat;
 mod host;
 mod icon;
+mod identity;
 mod isolux;
 mod lamplight;
 mod lamps;
@@ -410,7 +411,7 @@ impl App {
             Action::BakeIlluminance => self.bake_illuminance(),
             Action::SaveSchedule(path) => self.save_schedule(&path),
             Action::SaveValues(path) => self.save_values(&path),
-            Action::UseScene(path) => self.session.find_scene(path),
+            Action::UseScene(path) => self.use_scene(path),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
             Action::UseDevice(wish) => self.follower.use_device(wish),
@@ -454,7 +455,7 @@ impl eframe::App for App {
     fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
         self.pulse.iter_mut().for_each(Pulse::begin);
         self.appearance = Appearance::of(ctx);
-        self.session.holds_opened = self.would_lose_changes() || self.is_saving_look();
+        self.session.holds_opened = self.would_lose_changes() || self.is_writing();
         for notice in self.session.drain() {
             self.notice(ctx, notice);
         }

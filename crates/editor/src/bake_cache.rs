@@ -164,6 +164,10 @@ impl BakeCache {
         let problem = || format!("the bake is not kept for the next time: cannot write to {}", self.folder.display());
         fs::create_dir_all(&self.folder).with_context(problem)?;
         archive::write(bake, path).with_context(problem)?;
+        // Older ones make way for it, but not for one that cannot stay.
+        if fs::metadata(path).is_ok_and(|of| of.len() > self.limit_bytes) {
+            remove(path).with_context(problem)?;
+        }
         self.shrink().with_context(problem)?;
         Ok(path.exists())
     }
@@ -398,6 +402,18 @@ mod tests {
         assert!(!tiny.keep(&tiny.place(&jobs[1]), &bakes[1]).unwrap(), "it is larger than all that may be kept");
         let none = BakeCache::new(folder.path().into(), 0);
         assert!(!none.keep(&none.place(&jobs[0]), &bakes[0]).unwrap());
+    }
+
+    #[test]
+    fn a_bake_that_is_too_large_to_be_kept_takes_no_other_along() {
+        let folder = tempfile::tempdir().unwrap();
+        let (small, large) = (job(1), BakeJob { film: Film { width: 128, height: 96 }, ..job(1) });
+        let roomy = BakeCache::new(folder.path().into(), 1 << 30);
+        roomy.keep(&roomy.place(&small), &baked(&small)).unwrap();
+        let tight = BakeCache::new(folder.path().into(), roomy.usage().unwrap().bytes);
+        assert!(!tight.keep(&tight.place(&large), &baked(&large)).unwrap());
+        assert!(is_hit(&tight.find(&tight.place(&small))), "it is as small as before");
+        assert_eq!(tight.usage().unwrap().bakes, 1);
     }
 
     #[test]

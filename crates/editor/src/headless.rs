@@ -19,7 +19,7 @@ use crate::cli::args::{BakeOptions, ViewArgs};
 use crate::cli::bake::{BakeTimes, baked, job, merge, open_stack, run_with_progress, stack_job};
 use crate::cli::lamps::warn_of_lacking;
 use crate::cli::view::{
-    load_look, load_scene, prepare_view, requested_sky, spare_look, spare_scene_by_all, warn_of_black,
+    files_of_look, load_look, load_scene, prepare_view, requested_sky, spare_files, spare_scene_by_all, warn_of_black,
     warn_of_unknown_lights,
 };
 use crate::cli::{Answer, Console, nothing_kept};
@@ -126,9 +126,11 @@ fn read_look(path: PathBuf, console: &mut Console) -> Result<LookFile> {
     let mut look = load_look(Some(&path), console)?;
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
     look.rigs_mut().for_each(|rig| console.warn_all(resolve(&mut rig.lamps, &folder)));
+    let mut read = files_of_look(Some(&path), &look);
+    read.push(("look", path.clone()));
     let file = LookFile { path, look };
     for (name, _) in looks_of(&file) {
-        frame_places(&name).iter().try_for_each(|place| spare_look(place, Some(&file.path), &file.look))?;
+        frame_places(&name).iter().try_for_each(|place| spare_files(place, &read))?;
     }
     Ok(file)
 }

@@ -291,9 +291,9 @@ pub fn scene_of_file(path: &Path) -> Option<PathBuf> {
     named_scene(path).filter(|scene| scene.exists())
 }
 
-/// The same, there or not.
+/// The same, there or not. Of a pipe nothing is read: whoever read it has what it gave.
 pub fn named_scene(path: &Path) -> Option<PathBuf> {
-    let text = read_text(path).ok()?;
+    let text = path.is_file().then(|| read_text(path).ok()).flatten()?;
     let document: Value = serde_json::from_str(unmarked(&text)).ok()?;
     let scene = path.parent()?.join(document.get("scene_file")?.as_str()?);
     Some(std::path::absolute(&scene).unwrap_or(scene))

@@ -37,10 +37,12 @@ impl Pattern {
     /// From a path such as `out/frame_####.png`.
     ///
     /// # Errors
-    /// If its name has no `#`, too many or several groups of them, or ends in neither `.png` nor `.exr`.
+    /// If its name has no `#`, too many or several groups of them, ends in neither `.png` nor `.exr`, or is no UTF-8.
     pub fn new(path: &Path) -> Result<Pattern> {
         let format = ImageFormat::of(path)?;
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let Some(name) = path.file_name().unwrap_or_default().to_str() else {
+            bail!("cannot name frames by {}: the name is no UTF-8; give another one", path.display());
+        };
         let digits = name.chars().filter(|c| *c == '#').count();
         let run = "#".repeat(digits);
         let Some((before, after)) = name.split_once(&run).filter(|_| (1..=MOST_DIGITS).contains(&digits)) else {
@@ -239,6 +241,15 @@ mod tests {
         // More digits than numbers can be written with.
         assert!(Pattern::new(Path::new(&format!("{}.png", "#".repeat(1 << 17)))).is_err());
         assert!(Pattern::is_meant(Path::new("a#.exr")) && !Pattern::is_meant(Path::new("a#/b.exr")));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn frames_are_not_called_otherwise_than_asked() {
+        use std::os::unix::ffi::OsStrExt;
+        let path = Path::new(std::ffi::OsStr::from_bytes(b"caf\xe9_##.png"));
+        let said = Pattern::new(path).unwrap_err().to_string();
+        assert!(said.contains("no UTF-8"), "{said}");
     }
 
     #[test]

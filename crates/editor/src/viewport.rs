@@ -122,6 +122,8 @@ pub fn viewport_ui(
     ui.painter().rect_filled(whole, 0.0, theme::SURROUND);
     let areas = compare::areas(whole, viewed.compared.as_ref());
     let Some((texture, [width, height])) = viewed.picture else {
+        // Where its button comes up is not seen here.
+        state.let_go();
         words_ui(ui, areas[0], viewed, actions);
         return;
     };
@@ -481,6 +483,31 @@ fn words_ui(ui: &mut Ui, area: Rect, viewed: &Viewed, actions: &mut Vec<Action>)
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn nothing_is_held_of_a_picture_that_is_gone() {
+        let mut state = ViewState { grab: Some(Grab::Picture), ..ViewState::default() };
+        let viewed = Viewed {
+            picture: None,
+            stage: &Stage::Ready,
+            bake: &BakeState::Preparing,
+            is_glimpse: false,
+            scene: None,
+            baked: None,
+            handled: 0,
+            navigation: Navigation::default(),
+            legends: [None; 2],
+            isolines: &[],
+            compared: None,
+            overlay: None,
+            readings: &Default::default(),
+        };
+        let (mut look, mut lights, mut actions) = (Look::default(), LightsState::default(), Vec::new());
+        _ = egui::Context::default().run_ui(egui::RawInput::default(), |ui| {
+            viewport_ui(ui, &viewed, &mut state, &mut look, &mut lights, &mut actions);
+        });
+        assert_eq!(state.grab, None);
+    }
 
     #[test]
     fn what_is_on_its_way_can_be_read_over_a_bright_picture() {

@@ -396,6 +396,54 @@ fn an_interrupted_relight_leaves_nothing_behind() {
     }
 }
 
+/// Waits until a process reads a pipe, which stays open and empty then.
+#[cfg(unix)]
+fn read_by_now(pipe: &Path) -> std::fs::File {
+    use std::os::unix::fs::OpenOptionsExt;
+    let deadline = Instant::now() + Duration::from_secs(60);
+    loop {
+        match std::fs::OpenOptions::new().write(true).custom_flags(libc::O_NONBLOCK).open(pipe) {
+            Ok(held) => return held,
+            Err(error) => assert!(Instant::now() < deadline, "nobody reads {}: {error}", pipe.display()),
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn signals_are_heeded_while_files_are_read() {
+    let folder = desk();
+    let look = r#"{"clerestory": 1, "looks": [{"name": "Day"}], "timeline": {"keys": [{"time": 0, "look": "Day"}]}}"#;
+    std::fs::write(folder.path().join("a.look"), look).unwrap();
+    for pipe in ["pipe.transport", "pipe.look"] {
+        assert!(Command::new("mkfifo").arg(folder.path().join(pipe)).status().unwrap().success());
+    }
+    let before = names_in(folder.path());
+    for (line, pipe) in [
+        ("relight pipe.transport --look a.look --device cpu -o f_#.exr", "pipe.transport"),
+        ("render room.gltf --look pipe.look --device cpu --size 8x6 -o a.png", "pipe.look"),
+        ("trace room.gltf --look pipe.look --size 8x6 -o a.png", "pipe.look"),
+    ] {
+        let mut child = clerestory(folder.path()).args(line.split(' ')).stderr(Stdio::piped()).spawn().unwrap();
+        let held = read_by_now(&folder.path().join(pipe));
+        signal(&child, "-INT");
+        let deadline = Instant::now() + Duration::from_secs(60);
+        while child.try_wait().unwrap().is_none() {
+            if Instant::now() > deadline {
+                child.kill().unwrap();
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(130), "{line}: {said}");
+        assert_eq!(said, "stopped: nothing was written\n", "{line}");
+        assert_eq!(names_in(folder.path()), before, "{line}");
+        drop(held);
+    }
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn what_ignores_the_end_of_its_terminal_goes_on() {
@@ -647,6 +695,25 @@ fn wishes_become_a_look_that_meets_them_and_bad_ones_fail_with_words() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn wishes_and_looks_may_come_out_of_a_pipe() {
+    let folder = desk();
+    succeeds(folder.path(), "bake room.gltf --size 16x12 --spp 4 -o room.transport");
+    std::fs::write(folder.path().join("w.json"), r#"{"wishes": [{"times": 2}]}"#).unwrap();
+    for (file, line) in [
+        ("w.json", "solve room.transport --wishes /dev/stdin -o a.look"),
+        ("a.look", "solve room.transport --wishes w.json --look /dev/stdin -o b.look"),
+        ("b.look", "relight room.transport --look /dev/stdin --device cpu -o a.png"),
+    ] {
+        let script = format!("cat {file} | \"$0\" {line}");
+        let mut piped = Command::new("sh");
+        piped.current_dir(folder.path()).args(["-c", &script, env!("CARGO_BIN_EXE_clerestory")]);
+        let output = piped.output().unwrap();
+        assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+}
+
 #[test]
 fn the_work_plane_of_a_look_is_baked_with_the_illuminance_unless_another_one_is_named() {
     let folder = desk();
@@ -831,6 +898,33 @@ fn what_is_solved_takes_the_place_of_no_file_that_its_look_names() {
         assert!(said.contains(&format!("would overwrite the {what}")), "{said}");
         assert_eq!(std::fs::read(looks.join(name)).unwrap(), before);
     }
+}
+
+#[test]
+fn no_picture_or_scene_takes_the_place_of_what_its_look_names() {
+    let folder = desk();
+    let path = |name: &str| folder.path().join(name);
+    let look = r#"{"clerestory": 1, "scene_file": "old.glb", "looks": [{"name": "Day"}],
+        "timeline": {"fps": 4, "keys": [{"time": 0, "look": "Day"}, {"time": 1, "look": "Day"}]},
+        "wishes": {"list": [{"name": "goal", "match": "goal_1.png"}]}}"#;
+    std::fs::write(path("a.look"), look).unwrap();
+    ["goal_1.png", "old.glb"].iter().for_each(|name| std::fs::write(path(name), "old").unwrap());
+    succeeds(folder.path(), "bake room.gltf --size 8x6 --spp 1 -o room.transport");
+    for (line, what) in [
+        ("relight room.transport --look a.look -o goal_1.png", "picture"),
+        ("relight room.transport --look a.look -o goal_#.png", "picture"),
+        ("render room.gltf --look a.look -o goal_1.png --size 8x6 --spp 1", "picture"),
+        ("export-gltf room.gltf --look a.look -o old.glb", "scene"),
+    ] {
+        let output = run(folder.path(), line);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{line}: {said}");
+        assert!(said.contains(&format!("would overwrite the {what}")), "{line}: {said}");
+    }
+    ["goal_1.png", "old.glb"].iter().for_each(|name| assert_eq!(std::fs::read(path(name)).unwrap(), b"old", "{name}"));
+    // A bake that the look was saved with is made anew under it.
+    std::fs::write(path("a.look"), look.replace("old.glb", "room.transport")).unwrap();
+    succeeds(folder.path(), "bake room.gltf --look a.look --size 8x6 --spp 1 -o room.transport");
 }
 
 #[test]

@@ -103,6 +103,19 @@ fn frames_ask_for_no_scene_for_lamps_that_no_key_shows() {
 }
 
 #[test]
+fn frames_name_panels_of_the_look_that_were_not_baked() {
+    let folder = desk();
+    let folder = folder.path();
+    let mut look: serde_json::Value = serde_json::from_str(LOOK).unwrap();
+    look["names"] = serde_json::json!({"lamp": "Bulb"});
+    look["scene"] = serde_json::json!({"panels": {"lamp": 8}});
+    std::fs::write(folder.join("panel.look"), look.to_string()).unwrap();
+    let frames = ["relight", "room.transport", "--look", "panel.look", "--frames", "0..0", "-o", "f_#.exr", "--json"];
+    let told = run(folder, &frames);
+    assert!(told.contains("the look makes `Bulb` a panel of 8 × 8 texels, which was not baked"), "{told}");
+}
+
+#[test]
 fn frames_do_not_take_the_place_of_what_is_read() {
     let folder = desk();
     let folder = folder.path();

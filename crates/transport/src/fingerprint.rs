@@ -14,6 +14,14 @@ const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
 /// 64-bit FNV-1a over 8-byte words.
 struct Fnv(u64);
 
+/// Whether the sides of images that are no squares count.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Sides {
+    Counted,
+    /// As in files of before.
+    Ignored,
+}
+
 impl Fnv {
     fn bytes(&mut self, bytes: &[u8]) {
         for chunk in bytes.chunks(8) {
@@ -55,9 +63,14 @@ impl Fnv {
         }
     }
 
-    fn texture(&mut self, texture: &Texture) {
-        self.bytes(bytemuck::cast_slice(&texture.image.texels));
+    fn texture(&mut self, texture: &Texture, sides: Sides) {
+        let image = &texture.image;
+        self.bytes(bytemuck::cast_slice(&image.texels));
         self.bytes(format!("{:?} {:?}", texture.wrap, texture.filter).as_bytes());
+        // In rows of another length the same texels are another image. Squares are told from all others without a word.
+        if sides == Sides::Counted && image.width != image.height {
+            self.bytes(format!("{} {}", image.width, image.height).as_bytes());
+        }
     }
 
     fn digits(&self) -> String {
@@ -82,37 +95,52 @@ pub(crate) fn digest(bytes: &[u8]) -> u64 {
 /// Sixteen hexadecimal digits. The camera's name counts as well: a bake is compared under the name that it knows,
 /// [`BakeHeader::is_of`].
 pub fn fingerprint(scene: &Scene, camera: &Camera) -> String {
+    of_scene(scene, camera, Sides::Counted)
+}
+
+fn of_scene(scene: &Scene, camera: &Camera, sides: Sides) -> String {
     let mut hash = Fnv(OFFSET);
     hash.mesh(&scene.mesh);
     hash.bytes(format!("{:?} {:?} {camera:?}", scene.materials, scene.punctual).as_bytes());
     for profile in &scene.profiles {
         hash.bytes(&profile.light_bytes());
     }
-    scene.textures.iter().for_each(|texture| hash.texture(texture));
+    scene.textures.iter().for_each(|texture| hash.texture(texture, sides));
     hash.unlit(scene);
     hash.digits()
+}
+
+/// Whether a hash in a file is that of a scene, in one of before as well.
+fn is_hash_of(scene: &Scene, found: &str, hash: impl Fn(Sides) -> String) -> bool {
+    let is_square = |texture: &Texture| texture.image.width == texture.image.height;
+    found == hash(Sides::Counted) || (!scene.textures.iter().all(is_square) && found == hash(Sides::Ignored))
 }
 
 /// A hash of a texture, whatever its place in a scene.
 pub(crate) fn of_texture(texture: &Texture) -> u64 {
     let mut hash = Fnv(OFFSET);
-    hash.texture(texture);
+    hash.texture(texture, Sides::Counted);
     hash.0
 }
 
 /// The same of the surfaces alone and how they scatter: nothing of it tells whether, how strongly, by which map or in which color they
 /// shine.
 pub(crate) fn of_surfaces(scene: &Scene) -> String {
-    of_scattering(scene, |hash| hash.mesh(&scene.mesh))
+    of_scattering(scene, Sides::Counted, |hash| hash.mesh(&scene.mesh))
+}
+
+/// Whether [`of_surfaces`] in a file is that of a scene.
+pub(crate) fn is_of_surfaces(scene: &Scene, found: &str) -> bool {
+    is_hash_of(scene, found, |sides| of_scattering(scene, sides, |hash| hash.mesh(&scene.mesh)))
 }
 
 /// The same without some triangles: it does not count where they lie, nor which of the materials they have.
 pub(crate) fn of_surfaces_without(scene: &Scene, left_out: &[bool]) -> String {
-    of_scattering(scene, |hash| hash.mesh_without(&scene.mesh, left_out))
+    of_scattering(scene, Sides::Counted, |hash| hash.mesh_without(&scene.mesh, left_out))
 }
 
 /// Of all that scatters, given how the mesh is read.
-fn of_scattering(scene: &Scene, of_mesh: impl FnOnce(&mut Fnv)) -> String {
+fn of_scattering(scene: &Scene, sides: Sides, of_mesh: impl FnOnce(&mut Fnv)) -> String {
     let mut hash = Fnv(OFFSET);
     let (mesh, (materials, textures)) = (&scene.mesh, without_light(scene));
     hash.bytes(format!("{} {} {}", mesh.positions.len(), mesh.triangles.len(), textures.len()).as_bytes());
@@ -123,7 +151,7 @@ fn of_scattering(scene: &Scene, of_mesh: impl FnOnce(&mut Fnv)) -> String {
     textures
         .into_iter()
         .filter_map(|place| scene.textures.get(place as usize))
-        .for_each(|texture| hash.texture(texture));
+        .for_each(|texture| hash.texture(texture, sides));
     hash.unlit(scene);
     hash.digits()
 }
@@ -155,7 +183,8 @@ fn without_light(scene: &Scene) -> (Vec<Material>, Vec<u32>) {
 impl BakeHeader {
     /// Whether the bake is of this scene, seen by this camera, whatever that is called by now.
     pub fn is_of(&self, scene: &Scene, camera: &Camera) -> bool {
-        self.fingerprint == fingerprint(scene, &camera.called(&self.camera))
+        let camera = camera.called(&self.camera);
+        is_hash_of(scene, &self.fingerprint, |sides| of_scene(scene, &camera, sides))
     }
 
     /// Where the bake is seen from, where it is of this scene: its own view, else a camera of the scene, rather one of its name. Each
@@ -164,5 +193,43 @@ impl BakeHeader {
         let is_it = |camera: &&Camera| self.is_of(scene, camera);
         let known = self.view.iter().chain(Camera::named(&scene.cameras, &self.camera)).find(is_it);
         known.or_else(|| scene.cameras.par_iter().find_first(is_it))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::Affine2;
+
+    use super::*;
+    use crate::scene::{Encoding, Filter, Image, TextureRef, Wrap};
+
+    /// A material with four texels, in rows of some length.
+    fn scene([width, height]: [u32; 2]) -> Scene {
+        let texels = vec![[255, 0, 0, 255], [0, 0, 255, 255], [255, 0, 0, 255], [255, 0, 0, 255]];
+        let image = Arc::new(Image { width, height, texels });
+        let texture = Texture { image, wrap: [Wrap::Repeat; 2], filter: Filter::Linear };
+        let shown = TextureRef { texture: 0, uv_set: 0, transform: Affine2::IDENTITY, encoding: Encoding::Srgb };
+        let material = Material { base_color_texture: Some(shown), ..Material::default() };
+        Scene { textures: vec![texture], materials: vec![material], ..Scene::default() }
+    }
+
+    #[test]
+    fn the_same_texels_in_rows_of_another_length_are_another_image() {
+        let camera = Camera::look_at("front", Vec3::Z, Vec3::ZERO, 1.0, 1.0);
+        let scenes = [[4, 1], [1, 4], [2, 2]].map(scene);
+        for (own, other) in [(0, 1), (0, 2), (1, 2)].map(|(own, other)| (&scenes[own], &scenes[other])) {
+            assert_ne!(fingerprint(own, &camera), fingerprint(other, &camera));
+            assert_ne!(of_surfaces(own), of_surfaces(other));
+            assert_ne!(of_texture(&own.textures[0]), of_texture(&other.textures[0]));
+        }
+        assert!(!is_of_surfaces(&scenes[0], &of_surfaces(&scenes[1])));
+        for own in &scenes {
+            assert!(is_of_surfaces(own, &of_surfaces(own)));
+            // Files of before are known by what they hold.
+            let before = of_scene(own, &camera, Sides::Ignored);
+            assert!(is_hash_of(own, &before, |sides| of_scene(own, &camera, sides)));
+        }
     }
 }

@@ -334,7 +334,8 @@ impl<'a> TransportMatrix<'a> {
 /// One over the peak of each column; of lamps whose light in the file stays dim in the picture and is met by rare walks only, one over a
 /// share of the median peak. `light` is the luminance that the file gives each column.
 pub(crate) fn scale_of_peaks(peaks: &[f32], light: &[f32], is_rare: &[bool]) -> Vec<f32> {
-    let lit = |p: f32| p > 0.0 && p.is_finite();
+    // What is below all normal numbers has no reciprocal in single precision.
+    let lit = |p: f32| p > 0.0 && p.is_normal();
     let median_peak = median(peaks.iter().copied().filter(|&p| lit(p))).unwrap_or(1.0);
     let shown = peaks.iter().zip(light).map(|(p, l)| p * l);
     let least_shown = median(shown.filter(|&p| lit(p))).map_or(0.0, |shown| DIMMEST * shown);
@@ -477,5 +478,17 @@ mod tests {
         assert_eq!(scale_of_peaks(&[1.0, 1.0, dim], &[1.0, 1.0, 1024.0], &[true; 3]), [1.0, 1.0, 1024.0]);
         // A lamp that is off in the file keeps its own peak; one that lights nothing takes the median.
         assert_eq!(scale_of_peaks(&[1.0, dim, 0.0], &[1.0, 0.0, 0.0], &[true; 3]), [1.0, 1024.0, 1.0]);
+    }
+
+    #[test]
+    fn what_hardly_any_light_comes_through_has_a_scale_all_the_same() {
+        // As through forty depths of black glass, and the least number there is.
+        for hardly in [1e-40, f32::from_bits(1)] {
+            for is_rare in [false, true] {
+                let scale = scale_of_peaks(&[2.0, hardly, 1.0], &[1.0; 3], &[is_rare; 3]);
+                assert!(scale.iter().all(|scale| scale.is_finite() && *scale > 0.0), "{scale:?}");
+            }
+            assert_eq!(scale_of_peaks(&[hardly], &[1.0], &[false]), [1.0]);
+        }
     }
 }

@@ -44,6 +44,8 @@ pub(crate) struct Nodes {
     surfaces: Vec<Option<(Vec3, Vec3)>>,
     /// Node by node: half A, then half B, each three rows of all columns.
     light: Vec<f32>,
+    /// Whether the light of caustics is part of it, so that pixels must not look for that themselves.
+    pub(crate) holds_caustics: bool,
     /// Where the walks of nodes ended; those of pixels may end there, too.
     pub(crate) cache: LightCache,
 }
@@ -107,7 +109,8 @@ impl Nodes {
         if matrix.integrator.scene().nodes_are_calmed {
             calm(&mut light, size, node_len, plan.outshines);
         }
-        Some(Nodes { spacing, size, surfaces, light, cache })
+        let holds_caustics = !matrix.integrator.is_guided();
+        Some(Nodes { spacing, size, surfaces, light, holds_caustics, cache })
     }
 
     /// The same light for a matrix whose columns have other scales, given the ratios of its scales to those of this one.

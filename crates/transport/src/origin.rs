@@ -125,12 +125,17 @@ impl LightSource {
         match unit {
             unit if unit == own => Some(amount),
             LampUnit::Lumen => Some(amount * self.origin.lumens?),
-            // A flat diffuse light: I = Φ / π.
-            LampUnit::Candela if matches!(self.kind, SourceKind::Panel { .. }) => {
-                Some(amount * self.origin.lumens? / PI)
-            }
+            LampUnit::Candela => self.candela_of_panel(amount * self.origin.lumens?),
             _ => None,
         }
+    }
+
+    /// Luminous intensity in candela straight ahead of a panel that sends so many lumen, to either side where both shine; `None` of what
+    /// is no panel, and where the flux of the whole is not known.
+    pub fn candela_of_panel(&self, lumens: f32) -> Option<f32> {
+        let SourceKind::Panel { size_m: [width, height], .. } = self.kind else { return None };
+        // Seen straight ahead each nit is a candela for each square meter, however many sides shine.
+        Some(lumens / self.origin.lumens? * width * height)
     }
 }
 
@@ -139,7 +144,7 @@ mod tests {
     use super::*;
     use crate::camera::Camera;
     use crate::emitters::Lighting;
-    use crate::laws::stage::{Stage, lambert};
+    use crate::laws::stage::{Stage, lambert, quad};
 
     #[test]
     fn the_flux_of_a_lamp_and_of_a_surface_are_those_of_photometry() {
@@ -173,6 +178,23 @@ mod tests {
         assert_eq!(position("bulb"), Some(Vec3::new(1.0, 2.0, 3.0)));
         assert!(position("square").is_some_and(|at| at.distance(Vec3::new(0.5, 0.5, 0.0)) < 1e-5));
         assert_eq!(position("far"), None);
+    }
+
+    #[test]
+    fn a_panel_has_the_candela_of_its_area_from_either_side_that_shines() {
+        // Two square meters of 5 nit: 10 cd straight ahead, and 10 π lm from each side.
+        let corners = quad(Vec3::ZERO, Vec3::X * 2.0, Vec3::Y);
+        let scene = Stage::new(Camera::look_at("eye", Vec3::Z, Vec3::NEG_Z, 1.0, 1.0))
+            .panel("one", &corners, 5.0, 8)
+            .surface("both", &corners, Material { double_sided: true, ..lambert(0.0, 5.0) })
+            .with_panel(Some(8))
+            .prepared();
+        for (key, lumen) in [("one", 10.0 * PI), ("both", 20.0 * PI)] {
+            let source = scene.lighting.basis.source(key).expect("it is there");
+            let amount = |unit| source.amount(&LightSetting::default(), unit).expect("it follows");
+            assert!((amount(LampUnit::Lumen) / lumen - 1.0).abs() < 1e-4, "{key}: {} lm", amount(LampUnit::Lumen));
+            assert!((amount(LampUnit::Candela) / 10.0 - 1.0).abs() < 1e-4, "{key}: {} cd", amount(LampUnit::Candela));
+        }
     }
 
     #[test]

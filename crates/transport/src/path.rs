@@ -305,6 +305,11 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         self.scene
     }
 
+    /// Whether walks are sent to mirrors and glass, if there are any that throw light.
+    pub(crate) fn is_guided(&self) -> bool {
+        self.casters.is_some()
+    }
+
     /// Scattering events beyond the first at most.
     pub(crate) fn bounces(&self) -> u32 {
         self.bounces

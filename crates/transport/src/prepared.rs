@@ -324,6 +324,19 @@ impl PreparedScene {
         }
     }
 
+    /// Bit i is set where nothing at all lies between `origin` and target i of up to 16: no pane either, however clear.
+    pub(crate) fn sees16(&self, origin: Vec3, targets: &[Vec3; 16], n: usize) -> u16 {
+        let (short, mut targets) = (shortening(origin, self.extent), *targets);
+        targets.iter_mut().for_each(|target| *target = nearer(origin, *target, short));
+        let mut seen = self.solid.visible16(origin, &targets, n, 0.0, SHADOW_END);
+        for (i, target) in targets.iter().enumerate().take(n) {
+            if seen >> i & 1 == 1 && self.meets_sheer(shadow_ray(origin, *target)) {
+                seen &= !(1 << i);
+            }
+        }
+        seen
+    }
+
     /// The share of light that passes from one point of a lamp to each of up to 16 places, where their rays begin.
     pub(crate) fn transmittance_from16(&self, lamp: Vec3, places: &[Vec3; 16], n: usize, out: &mut [Vec3; 16]) {
         let (begin, end) = (1.0 - SHADOW_END, 1.0);
@@ -355,6 +368,18 @@ impl PreparedScene {
             ray.t_min = next_after(hit.t);
         }
         passed
+    }
+
+    /// Whether a clear pane, or a surface with alpha where that is not 0, is on a ray.
+    fn meets_sheer(&self, mut ray: Ray) -> bool {
+        let Some(sheer) = &self.sheer else { return false };
+        while let Some(hit) = sheer.closest(&ray) {
+            if self.alpha(hit.triangle, barycentric_of(&hit)) > 0.0 {
+                return true;
+            }
+            ray.t_min = next_after(hit.t);
+        }
+        false
     }
 
     /// Probability that a point of a triangle is there.

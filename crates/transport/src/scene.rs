@@ -47,7 +47,10 @@ pub struct Scene {
     pub spots: BTreeMap<u32, Vec<PanelSpot>>,
     /// Nodes, by index into `nodes`, whose lamp is off in the file. It stands here as it is when it is on.
     pub muted_lamps: BTreeSet<u32>,
-    /// The same of nodes whose surfaces are off.
+    /// Nodes, by index into `nodes`, whose measured distribution cannot be had and that have no plain lamp: what shines there instead has
+    /// candela of ours, whatever the file counts in.
+    pub substitute_lamps: BTreeSet<u32>,
+    /// Nodes, by index into `nodes`, whose surfaces are off in the file.
     pub muted_surfaces: BTreeSet<u32>,
     /// Materials, by index, whose map of what they emit is black all over. They are no light, and yet their nodes count where
     /// repeats of a name are numbered.

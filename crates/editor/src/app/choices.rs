@@ -287,6 +287,8 @@ impl App {
         let work_plane = self.session.source().and_then(|source| self.choices.kept.plane_of(source));
         let open = SceneChoice { work_plane, ..self.open_choice() };
         (self.choices.sky, self.choices.failed) = (self.open_sky().cloned(), None);
+        // What was being made of the scene before it is made no more.
+        self.choices.before = None;
         for look in [&mut self.look, &mut self.saved_look] {
             look.scene = std::mem::take(&mut look.scene).or(&open);
         }
@@ -310,6 +312,9 @@ impl App {
             self.choices.kept.keep(source, &opened.chosen);
         }
         (self.choices.before, self.choices.failed) = (None, None);
+        if self.solving.give_up() {
+            self.say("The scene has changed since; solve again");
+        }
         // It may have been undone meanwhile.
         if !self.prepare_chosen() {
             self.start_bake();
@@ -333,6 +338,8 @@ impl App {
     /// What a look that was opened makes of the scene: it is made where a scene is open, and told where a bake is. A sky that
     /// comes without its columns is told, too.
     pub(super) fn heed_choice(&mut self) -> Vec<String> {
+        // It took the place of what somebody chose.
+        self.choices.before = None;
         let is_bake = self.session.opened.as_ref().is_some_and(|opened| opened.is_bake() || opened.scene.is_none());
         let floor = self.missing_floor();
         if !is_bake {
@@ -389,7 +396,43 @@ impl App {
 
 #[cfg(test)]
 mod tests {
+    use egui_kittest::Harness;
+
     use super::*;
+    use crate::app::Start;
+    use crate::solve::Solution;
+
+    #[test]
+    fn what_cannot_be_made_stays_in_another_look_than_it_was_chosen_in() {
+        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
+        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
+        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let app = window.state_mut();
+        let asked = SceneChoice { units: Some(LampUnits::Unitless), ..SceneChoice::default() };
+        // Another scene is opened, or another look.
+        let others: [fn(&mut App); 2] = [App::adopt_choice, |app| drop(app.heed_choice())];
+        for take_over in others {
+            app.choices.before = Some(SceneChoice::default());
+            take_over(app);
+            app.look.scene = asked.clone();
+            app.chosen_cannot_be_made("it has no such lamps".into());
+            assert_eq!(app.look.scene, asked);
+        }
+    }
+
+    #[test]
+    fn lights_that_were_found_for_a_scene_are_not_taken_over_in_another() {
+        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
+        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
+        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let app = window.state_mut();
+        let (rig, misfit) = (app.look.lights.clone(), 0.0);
+        let found = Solution { rig, changes: Vec::new(), outcomes: Vec::new(), misfit, notes: Vec::new() };
+        app.solving.state.solution = Some(found);
+        // Its lamps shine 683 times as bright now.
+        app.chosen_is_made();
+        assert!(app.solution().is_none());
+    }
 
     #[test]
     fn choices_are_found_again_by_their_scene_and_forgotten_once_there_are_none() {

@@ -8,7 +8,7 @@ use clerestory_transport::sky::{SkySetting, SunPlace, SunSetting};
 use eframe::egui::{Context, Id, Panel, ScrollArea, Ui, UiBuilder};
 
 use super::App;
-use crate::look::sky;
+use crate::look::{Look, sky};
 use crate::panels::sight::keep_in_sight;
 use crate::panels::sky::{NEW_SUN, SkyState, SkyView, sky_ui};
 use crate::session::Wake;
@@ -177,7 +177,8 @@ impl App {
         }
     }
 
-    /// Shows a map that was read again. What was set of the sky meanwhile stays, and so does a sky that shows another file by now.
+    /// Shows a map that was read again, in looks that were kept as well. What was set of the sky meanwhile stays, and so does a sky that
+    /// shows another file by now. The look is as saved as it was: it names the file.
     fn take_map(&mut self, read: Read) {
         match read {
             Ok((read, odd)) => {
@@ -192,7 +193,8 @@ impl App {
                 };
                 self.say(format!("Sky {}", read.name()));
                 self.daylight.state.wanted.iter_mut().for_each(renew);
-                self.as_one_step(|app| app.look.lights.sky.iter_mut().for_each(renew));
+                self.as_one_step(|app| skies(&mut app.look).for_each(renew));
+                skies(&mut self.saved_look).for_each(renew);
                 if !odd.is_empty() {
                     self.complain(odd.join(", "));
                 }
@@ -204,13 +206,14 @@ impl App {
     fn take_sky(&mut self, read: Read) {
         match read {
             Ok((mut sky, mut odd)) => {
-                let before = self.look.lights.sky.take().unwrap_or_default();
+                let as_baked = self.sky_as_baked();
+                let before = self.look.lights.sky.take().unwrap_or_else(|| as_baked.clone());
                 (sky.rotation_deg, sky.intensity) = (before.rotation_deg, before.intensity);
                 // A sun beside a map stays beside the next one.
                 if before.file.as_deref().is_some_and(|file| file != "uniform") {
                     sky.sun = sky.sun.or(before.sun);
                 }
-                self.look.lights.sky = Some(before).filter(|before| *before != SkySetting::default());
+                self.look.lights.sky = Some(before).filter(|before| *before != as_baked);
                 self.say(format!("Sky {}", sky.name()));
                 self.as_one_step(|app| app.look.lights.sky = Some(sky));
                 odd.extend(self.missing_sky());
@@ -220,6 +223,11 @@ impl App {
             }
             Err(words) => self.complain(words),
         }
+    }
+
+    /// What a sky is set to where the look names none.
+    fn sky_as_baked(&self) -> SkySetting {
+        self.session.basis().map_or_else(SkySetting::default, LightBasis::sky_as_baked)
     }
 
     /// Prepares and bakes the scene anew under the sky as it is set; a scene without any gets sun and clear sky.
@@ -288,7 +296,8 @@ impl App {
                 self.follower.hold_exposure(ctx);
             }
             self.looks.player.stop();
-            self.look.lights.sky = Some(sky).filter(|sky| *sky != SkySetting::default());
+            let as_baked = self.sky_as_baked();
+            self.look.lights.sky = Some(sky).filter(|sky| *sky != as_baked);
         }
     }
 
@@ -315,6 +324,11 @@ fn at_hour(sky: &SkySetting, hour: f64) -> Option<SkySetting> {
     time.hour = (60.0 * hour).round().rem_euclid(24.0 * 60.0) / 60.0;
     let sun = SunSetting { place: SunPlace::Time { time, north_deg }, ..sun };
     Some(SkySetting { sun: Some(sun), ..sky.clone() })
+}
+
+/// All skies of a document.
+fn skies(look: &mut Look) -> impl Iterator<Item = &mut SkySetting> {
+    look.rigs_mut().filter_map(|rig| rig.sky.as_mut())
 }
 
 /// Reads a map, and makes of it what relighting needs.
@@ -344,25 +358,50 @@ mod tests {
         image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, width, width / 2).unwrap();
     }
 
+    fn room() -> Harness<'static, App> {
+        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
+        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
+        Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap())
+    }
+
+    /// Waits for a map that is read.
+    fn wait(app: &mut App, ctx: &Context) {
+        for _ in 0..20_000 {
+            app.advance_daylight(ctx);
+            if !app.daylight.reading.is_busy() {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        panic!("no map came");
+    }
+
+    #[test]
+    fn a_map_that_is_read_again_is_in_all_looks_and_leaves_them_saved() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("day.hdr");
+        let mut window = room();
+        let ctx = window.ctx.clone();
+        let app = window.state_mut();
+        write_map(&path, 8);
+        app.look.lights.sky = Some(read_sky(&path).unwrap().0);
+        app.look.keep("Day");
+        app.saved_look = app.look.clone();
+        write_map(&path, 16);
+        app.read_sky_again();
+        wait(app, &ctx);
+        let widths: Vec<usize> = skies(&mut app.look).filter_map(|sky| Some(sky.map.as_ref()?.width())).collect();
+        assert_eq!(widths, [16, 16]);
+        assert!(!app.is_unsaved());
+    }
+
     #[test]
     fn what_is_set_of_a_sky_while_its_map_is_read_again_stays() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("day.hdr");
-        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
-        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
-        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let mut window = room();
         let ctx = window.ctx.clone();
         let app = window.state_mut();
-        let wait = |app: &mut App| {
-            for _ in 0..20_000 {
-                app.advance_daylight(&ctx);
-                if !app.daylight.reading.is_busy() {
-                    return;
-                }
-                std::thread::sleep(Duration::from_millis(1));
-            }
-            panic!("no map came");
-        };
         write_map(&path, 8);
         let sun = |azimuth_deg: f64| Some(SunSetting::by_angles(azimuth_deg, 40.0));
         app.look.lights.sky = Some(SkySetting { sun: sun(90.0), ..read_sky(&path).unwrap().0 });
@@ -371,14 +410,14 @@ mod tests {
         let set =
             SkySetting { rotation_deg: 30.0, intensity: 0.5, sun: sun(200.0), ..app.look.lights.sky.clone().unwrap() };
         app.look.lights.sky = Some(set.clone());
-        wait(app);
+        wait(app, &ctx);
         let now = app.look.lights.sky.clone().unwrap();
         assert_eq!(now.map.as_ref().map(|map| map.width()), Some(16));
         assert!(now == SkySetting { map: now.map.clone(), ..set });
         // A sky of another file goes before the map, and so does none.
         app.read_sky_again();
         app.look.lights.sky = None;
-        wait(app);
+        wait(app, &ctx);
         assert!(app.look.lights.sky.is_none());
     }
 

@@ -43,7 +43,7 @@ impl App {
     }
 
     /// Whether there is no more to be seen than a first look, and says so: nobody wants that as a file.
-    pub(super) fn is_too_coarse(&mut self) -> bool {
+    fn is_too_coarse(&mut self) -> bool {
         let is_glimpse = self.session.is_glimpse();
         if is_glimpse {
             self.complain("This is a first look with few pixels; wait until the bake has a whole picture");
@@ -52,7 +52,7 @@ impl App {
     }
 
     /// Whether there is nothing that could be written yet, and says so.
-    pub(super) fn lacks_picture(&mut self) -> bool {
+    fn lacks_picture(&mut self) -> bool {
         let is_lacking = self.session.shown.is_none();
         if is_lacking {
             self.complain("There is no picture to write yet; start the bake, or wait for it");
@@ -60,8 +60,14 @@ impl App {
         is_lacking
     }
 
+    /// Whether nothing is there of which a file is made, and says so.
+    pub(super) fn lacks_whole_picture(&mut self) -> bool {
+        self.lacks_picture() || self.is_too_coarse()
+    }
+
     pub(super) fn export(&mut self, path: PathBuf) {
-        if self.lacks_picture() {
+        // It may have gone since its file was asked for.
+        if self.lacks_whole_picture() {
             return;
         }
         self.say_begun(format!("Writing {}", path.display()));
@@ -121,5 +127,52 @@ impl App {
             _ => question.ui(ctx, |_, _| None),
         };
         self.answered(answer);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use clerestory_transport::bake::BakeConfig;
+    use clerestory_transport::camera::Film;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
+    use super::*;
+    use crate::action::Action;
+    use crate::app::Start;
+    use crate::session::{BakeSettings, Source};
+
+    #[test]
+    fn a_picture_that_went_while_its_file_was_asked_for_is_not_said_to_be_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let film = Film { width: 480, height: 360 };
+        let config = BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() };
+        let settings = BakeSettings { camera_idx: 0, film, config, illuminance: false, work_plane: None };
+        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
+        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, Some(settings));
+        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let ctx = window.ctx.clone();
+        // A scene that was prepared again has a first look at first, and before that nothing.
+        for _ in 0..40_000 {
+            window.step();
+            if window.state().session.is_glimpse() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let is_said = |window: &Harness<App>, words: &str| window.query_all_by_label_contains(words).next().is_some();
+        let app = window.state_mut();
+        assert!(app.session.is_glimpse());
+        app.session.cancel_bake();
+        app.apply(&ctx, Action::ExportImage(folder.path().join("a.png")));
+        window.run_steps(2);
+        assert!(is_said(&window, "wait until the bake has a whole picture") && !is_said(&window, "Writing"));
+        let app = window.state_mut();
+        app.session.shown = None;
+        app.apply(&ctx, Action::SaveSheet(folder.path().join("looks.png")));
+        window.run_steps(2);
+        assert!(is_said(&window, "There is no picture to write yet") && !is_said(&window, "Writing"));
     }
 }

@@ -66,7 +66,7 @@ fn title_of(scene: &str, look: Option<&Path>, is_unsaved: bool) -> String {
 
 impl App {
     pub(super) fn ask(&mut self, task: FileTask) {
-        if task.writes_pictures() && (self.lacks_picture() || self.is_too_coarse()) {
+        if task.writes_pictures() && self.lacks_whole_picture() {
             return;
         }
         let (stem, folder) = (self.stem(), self.folder());

@@ -68,6 +68,8 @@ pub(super) struct Follower {
     n_pictures: u64,
     n_orders: u64,
     last_answered: u64,
+    /// The first order whose picture counts.
+    oldest: u64,
 }
 
 impl Follower {
@@ -91,6 +93,7 @@ impl Follower {
             n_pictures: 0,
             n_orders: 0,
             last_answered: 0,
+            oldest: 0,
         })
     }
 
@@ -182,6 +185,8 @@ impl Follower {
     /// No picture of the last scene is left.
     pub fn forget(&mut self) {
         (self.texture, self.gpu_picture, self.millis) = (None, None, None);
+        // One that is under way comes too late.
+        self.oldest = self.n_orders + 1;
         // What was too large for the graphics device may not be so any more.
         self.rest = Rest::default();
         self.start_over();
@@ -322,6 +327,9 @@ impl Follower {
 
     fn show(&mut self, ctx: &Context, relit: Relit, look: &Look) {
         self.last_answered = relit.serial;
+        if relit.serial < self.oldest {
+            return;
+        }
         let mut display = relit.display;
         if look.display.quantity() == Some(Quantity::Illuminance) {
             // The light that arrives says nothing about the exposure of the light that is seen.
@@ -369,4 +377,29 @@ fn showable(shown: &Shown, look: &Look, held_ev: Option<f32>) -> Display {
 /// Whether a picture metered anew would be another one.
 fn has_moved(new: &DisplayParams, shown: &DisplayParams) -> bool {
     (new.exposure_ev - shown.exposure_ev).abs() > 1e-3 || new.false_color != shown.false_color
+}
+
+#[cfg(test)]
+mod tests {
+    use eframe::egui::{Color32, ColorImage};
+
+    use super::*;
+
+    #[test]
+    fn a_picture_of_the_last_scene_that_comes_late_is_not_shown() {
+        let mut follower = Follower::new(None, Arc::new(|_| {})).unwrap();
+        let (ctx, look) = (Context::default(), Look::default());
+        let relit = |serial: u64| {
+            let image = Some(Arc::new(ColorImage::filled([4, 3], Color32::RED)));
+            Relit { image, display: DisplayParams::default(), millis: 1.0, serial }
+        };
+        // It was asked for when the next scene was opened.
+        follower.n_orders = 1;
+        follower.forget();
+        follower.show(&ctx, relit(1), &look);
+        assert!(follower.picture().is_none() && follower.is_answered());
+        follower.n_orders = 2;
+        follower.show(&ctx, relit(2), &look);
+        assert!(follower.picture().is_some_and(|(_, size)| size == [4, 3]));
+    }
 }

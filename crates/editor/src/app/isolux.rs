@@ -1,10 +1,11 @@
 //! Isolux lines of the picture, found beside the window whenever its light changes.
 
-use std::sync::Arc;
-
+use clerestory_relight::Radiance;
+use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::light::LightRig;
 
 use super::App;
+use super::identity::Identity;
 use crate::illuminance::seen_irradiance;
 use crate::isolux::{Isoline, Isolux};
 use crate::panels::lights::heard;
@@ -17,14 +18,14 @@ use crate::words::in_words;
 #[derive(Clone, PartialEq)]
 struct Lined {
     isolux: Isolux,
-    /// Address of the header of the bake.
-    bake: usize,
+    /// The header of the bake.
+    bake: Identity<BakeHeader>,
     n_sets: usize,
     /// How often finer blocks came.
     n_lux: u64,
     rig: LightRig,
-    /// Address of the light of free lamps; 0 without.
-    lamps: usize,
+    /// The light of free lamps, if there is any.
+    lamps: Option<Identity<Radiance>>,
 }
 
 /// The lines that were found last.
@@ -70,13 +71,13 @@ impl App {
         let light = self.follower.shown_lamp_light(shown);
         let of = Lined {
             isolux,
-            bake: Arc::as_ptr(&shown.header).addr(),
+            bake: Identity::of(&shown.header),
             n_sets: shown.irradiance.len(),
             n_lux: self.session.n_lux(),
             rig: heard(&shown.header.basis, &self.seen().lights, &self.lights.solo),
-            lamps: light.map_or(0, |light| Arc::as_ptr(&light.direct).addr()),
+            lamps: light.map(|light| Identity::of(&light.direct)),
         };
-        let is_of_these = |known: &Lined| (known.bake, known.isolux) == (of.bake, of.isolux);
+        let is_of_these = |known: &Lined| (&known.bake, known.isolux) == (&of.bake, of.isolux);
         self.isolux.drawn.take_if(|(known, _)| !is_of_these(known));
         if self.isolux.drawn.as_ref().is_some_and(|(known, _)| *known == of) || self.isolux.is_busy() {
             return;

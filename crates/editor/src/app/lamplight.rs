@@ -125,8 +125,10 @@ impl Lamplight {
             None => (self.light, self.oldest) = (None, self.n_orders + 1),
         }
         if let (Some(view), Some(_)) = (&view, self.ordered.take()) {
-            // An order without lamps frees what the worker knows of the old view.
+            // An order without lamps frees what the worker knows of the old view. Its answer, which holds no light, would put out what is
+            // shown until the lamps are lit anew.
             self.n_orders += 1;
+            self.oldest = self.n_orders + 1;
             let (view, lamps, serial) = (view.clone(), Vec::new(), self.n_orders);
             self.worker.order(LampOrder { view, lamps, shows_arriving: false, serial });
         }
@@ -207,6 +209,9 @@ fn is_same_but_for_lamps(a: &LightRig, b: &LightRig) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::time::Duration;
+
     use clerestory_transport::camera::Film;
     use clerestory_transport::light::LightSetting;
     use clerestory_transport::patches::Patches;
@@ -237,6 +242,33 @@ mod tests {
         assert!(lamplight.is_new(&[]), "which is asked for");
         lamplight.light = None;
         assert!(!lamplight.is_new(&[]), "and once is enough");
+    }
+
+    #[test]
+    fn what_frees_an_old_view_puts_no_lamp_out() {
+        let n_answers = Arc::new(AtomicU32::new(0));
+        let own = n_answers.clone();
+        let wake = move |_| {
+            own.fetch_add(1, Ordering::Relaxed);
+        };
+        let mut lamplight = Lamplight::new(Arc::new(wake)).unwrap();
+        let view = view();
+        let ordered = || Some(Ordered { rig: LightRig::default(), shining: vec![lamp("a", None)] });
+        lamplight.view = Some(Arc::new(view.clone()));
+        lamplight.light = StillLamps::new(Arc::new(view.clone())).light(&[lamp("a", None)], &|| false);
+        lamplight.ordered = ordered();
+        lamplight.look_elsewhere(Some(Arc::new(view)));
+        // The worker has answered that order before the lamps are ordered anew.
+        for _ in 0..20_000 {
+            if n_answers.load(Ordering::Relaxed) > 0 {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(n_answers.load(Ordering::Relaxed) > 0, "it never answered");
+        lamplight.ordered = ordered();
+        lamplight.take();
+        assert_eq!(lamplight.light.as_ref().map(|light| light.parts.len()), Some(1));
     }
 
     #[test]

@@ -40,6 +40,16 @@ impl App {
         }
     }
 
+    /// A file is the scene of the bake that is open, as long as that lacks one.
+    pub(super) fn use_scene(&mut self, path: PathBuf) {
+        match self.lamp_choice() {
+            LampChoice::NeedsScene { .. } | LampChoice::Waiting => self.session.find_scene(path),
+            LampChoice::Ready | LampChoice::Never => {
+                self.complain(format!("{} was not opened: nothing that is open lacks its scene", path.display()));
+            }
+        }
+    }
+
     /// Brings solo in step with the lights, whatever changed them.
     pub(super) fn follow_solo(&mut self) {
         if let Some(basis) = self.session.basis() {
@@ -437,5 +447,35 @@ impl App {
         let words = format!("{} stands in for {}, which is off now", lamp.key, self.look.name_of(key));
         self.push_lamp(lamp);
         self.say(words);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use egui_kittest::Harness;
+
+    use super::*;
+    use crate::action::Action;
+    use crate::app::Start;
+    use crate::session::Source;
+
+    #[test]
+    fn a_scene_that_came_while_that_of_a_bake_was_asked_for_keeps_its_own() {
+        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
+        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
+        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        for _ in 0..40_000 {
+            window.step();
+            if window.state().session.shown.is_some() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let ctx = window.ctx.clone();
+        let app = window.state_mut();
+        app.apply(&ctx, Action::UseScene("hall.glb".into()));
+        assert!(app.session.opened.as_ref().is_some_and(|opened| !opened.is_bake()));
     }
 }

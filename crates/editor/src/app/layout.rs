@@ -260,7 +260,9 @@ impl App {
         let picture = self.follower.picture().map(|(texture, size)| (left.unwrap_or(texture), size));
         let sides = self.looks.compare.as_ref().filter(|_| compared.is_some()).map(|compare| &compare.sides);
         let (lit, handled) = ((&self.follower, &self.prints), self.handled_side(compared.as_ref()));
-        if handled.is_none() {
+        let stage = scene.zip(shown_camera).filter(|_| handled.is_some());
+        if stage.is_none() {
+            // As with the camera in hand.
             self.lights.lamps.let_go();
         }
         let now = self.follower.legend(self.units());
@@ -276,7 +278,7 @@ impl App {
             stage: &self.session.stage,
             bake: &self.session.bake,
             is_glimpse: self.session.is_glimpse(),
-            scene: scene.zip(shown_camera).filter(|_| handled.is_some()),
+            scene: stage,
             baked: self.session.shown.as_ref().map(|shown| &shown.header.basis),
             handled: handled.unwrap_or_default(),
             navigation: self.camera.habits.navigation,
@@ -342,4 +344,62 @@ fn hovered_files_ui(ctx: &Context, words: &str) {
     painter.rect_filled(area, 0.0, egui::Color32::from_black_alpha(150));
     let font = egui::FontId::proportional(22.0);
     painter.text(area.center(), egui::Align2::CENTER_CENTER, words, font, theme::ACCENT);
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use clerestory_transport::bake::BakeConfig;
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::lamps::LampShape;
+    use eframe::egui::vec2;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
+    use super::*;
+    use crate::app::Start;
+    use crate::session::{BakeState, Source};
+
+    #[test]
+    fn a_lamp_that_is_dragged_as_its_picture_goes_stays_where_it_was_seen_last() {
+        let film = Film { width: 64, height: 48 };
+        let config = BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() };
+        let settings = BakeSettings { camera_idx: 0, film, config, illuminance: false, work_plane: None };
+        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
+        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, Some(settings));
+        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        for _ in 0..40_000 {
+            window.step();
+            let app = window.state();
+            if app.session.bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let ctx = window.ctx.clone();
+        window.state_mut().apply(&ctx, Action::AddLamp { shape: LampShape::Point, at_px: None });
+        window.run_steps(4);
+        let at = window.get_by_label("Move Point lamp 1 over surfaces").rect().center();
+        window.hover_at(at);
+        window.run_steps(2);
+        window.drag_at(at);
+        for down in [0.0, 4.0, 8.0, 12.0] {
+            window.hover_at(at + vec2(0.0, down));
+            window.run_steps(2);
+        }
+        assert!(window.state().lights.lamps.drag.is_some());
+        let place = |window: &Harness<App>| window.state().look.lights.lamps[0].position;
+        let before = place(&window);
+        // A scene that is prepared again has no picture for a while.
+        let shown = window.state_mut().session.shown.take();
+        window.run_steps(2);
+        window.drop_at(at);
+        window.run_steps(2);
+        window.hover_at(at + vec2(-40.0, 30.0));
+        window.run_steps(2);
+        window.state_mut().session.shown = shown;
+        window.run_steps(3);
+        assert_eq!(place(&window), before);
+    }
 }

@@ -27,7 +27,7 @@ enum Purpose {
 
 /// A look, and how it stands to a file.
 #[derive(Clone)]
-struct Standing {
+pub(super) struct Standing {
     look: Look,
     saved: Look,
     path: Option<PathBuf>,
@@ -42,7 +42,7 @@ pub(super) struct LookFiles {
     pub(super) on_disk: Option<OnDisk>,
     /// Where the look goes if somebody says that what another program wrote there may be lost.
     conflict: Option<PathBuf>,
-    /// Of each look that was opened what stood before it, and itself: undo leads back over it.
+    /// Of each look that was opened or recovered what stood before it, and itself: undo leads back over it.
     opened: Vec<[Standing; 2]>,
 }
 
@@ -127,8 +127,7 @@ impl App {
         let file = is_whole.then_some((path, on_disk));
         self.saved_look = look;
         (self.look_path, self.look_files.on_disk) = file.unzip();
-        let after = self.standing();
-        self.look_files.opened.push([before, after]);
+        self.has_taken_place_of(before);
         if warnings.is_empty() { self.say(words) } else { self.complain_of_scene(Holds::InScene, problem) }
     }
 
@@ -153,7 +152,13 @@ impl App {
         }
     }
 
-    fn standing(&self) -> Standing {
+    /// Another look, with a file of its own or none, has taken the place of what stood before.
+    pub(super) fn has_taken_place_of(&mut self, before: Standing) {
+        let after = self.standing();
+        self.look_files.opened.push([before, after]);
+    }
+
+    pub(super) fn standing(&self) -> Standing {
         let (look, saved, path) = (self.look.clone(), self.saved_look.clone(), self.look_path.clone());
         Standing { look, saved, path, on_disk: self.look_files.on_disk }
     }

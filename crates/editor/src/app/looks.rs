@@ -275,6 +275,9 @@ impl App {
 
     /// Writes the pictures of all snapshots on one sheet.
     pub(super) fn save_sheet(&mut self, path: PathBuf) {
+        if self.lacks_whole_picture() {
+            return;
+        }
         let opened = self.session.opened.as_ref().and_then(|opened| opened.path.clone());
         let inputs = [("look", self.look_path.as_ref()), ("scene", opened.as_ref())];
         let inputs = inputs.into_iter().filter_map(|(what, input)| Some((what, input?.as_path())));
@@ -289,6 +292,9 @@ impl App {
 
     /// Writes the frames of the timeline.
     pub(super) fn export_frames(&mut self, path: &Path) {
+        if self.lacks_whole_picture() {
+            return;
+        }
         let opened = self.session.opened.as_ref().and_then(|opened| opened.path.clone());
         let inputs = [("look", self.look_path.clone()), ("scene", opened)];
         let inputs: Vec<_> = inputs.into_iter().filter_map(|(what, path)| Some((what, path?))).collect();

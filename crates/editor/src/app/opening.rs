@@ -3,7 +3,7 @@
 use eframe::egui::Context;
 
 use super::App;
-use crate::action::{Action, FileTask};
+use crate::action::Action;
 use crate::look::Look;
 
 /// What is known of what is being opened.
@@ -42,11 +42,10 @@ impl App {
         takes_look && self.is_unsaved() && self.look != self.opening.given_up
     }
 
-    /// Whether somebody is about to save the look: it is the present one that goes into the file, and none of a scene that comes meanwhile.
-    pub(super) fn is_saving_look(&self) -> bool {
-        let is_asked = self.question.as_ref().is_some_and(|question| question.task() == FileTask::SaveLook);
-        let saves = |action: &Action| matches!(action, Action::SaveLook(_) | Action::SaveLookAgain);
-        is_asked || self.look_files.waits_for_an_answer() || self.actions.iter().any(saves)
+    /// Whether somebody is about to write a file: what is open goes into it, and nothing of a scene that comes meanwhile.
+    pub(super) fn is_writing(&self) -> bool {
+        let is_asked = self.question.as_ref().is_some_and(|question| question.task().writes());
+        is_asked || self.look_files.waits_for_an_answer() || self.actions.iter().any(Action::writes)
     }
 
     /// Asks about what was changed meanwhile, and gives up what waits for a scene that does not come.

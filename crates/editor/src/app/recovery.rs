@@ -109,10 +109,14 @@ impl App {
             Err(error) => return self.complain(format!("the unsaved look cannot be read: {}", in_words(&error))),
         };
         let is_whole = warnings.is_empty();
+        let before = self.standing();
         self.look = look;
+        // A key of the timeline that is chosen there is of the look before.
+        self.looks.player.let_go();
         // What was left out is in its file alone.
         let file = left.work.look_path.clone().filter(|_| is_whole);
         (self.look_path, self.look_files.on_disk) = (file, left.work.on_disk.filter(|_| is_whole));
+        self.has_taken_place_of(before);
         warnings.extend(self.heed_choice());
         match warnings.as_slice() {
             [] => self.say(format!("Recovered the look of {}", left.work.scene_name())),

@@ -5,6 +5,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clerestory_relight::Radiance;
+use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, LampError, PreparedLamps};
@@ -17,6 +19,7 @@ use glam::Vec3;
 use super::App;
 use super::floor::SceneFloor;
 use super::follow::Follower;
+use super::identity::Identity;
 use crate::illuminance::{LuxFigures, of_grid, of_marks, write_points};
 use crate::look::wishes::{Wanted, Where, Wishes};
 use crate::look::{Look, Units};
@@ -92,14 +95,14 @@ struct View {
 /// What figures are of.
 #[derive(Clone, PartialEq)]
 struct Measured {
-    /// Address of the header of the bake.
-    bake: usize,
+    /// The header of the bake.
+    bake: Identity<BakeHeader>,
     n_sets: usize,
     /// How often finer blocks came.
     n_lux: u64,
     rig: LightRig,
-    /// Address of the light of free lamps; 0 without.
-    lamps: usize,
+    /// The light of free lamps, if there is any.
+    lamps: Option<Identity<Radiance>>,
     marks: Option<Arc<Marks>>,
     by_area: bool,
 }
@@ -166,6 +169,13 @@ impl Solving {
         let wake = self.wake.clone();
         let schedule = self.schedule;
         *self = Solving { schedule, ..Solving::new(wake) };
+    }
+
+    /// The scene is made anew: lights that were found, or are looked for, are of the one before. Answers whether there are any.
+    pub fn give_up(&mut self) -> bool {
+        let is_under_way = self.is_due || self.solving.is_busy();
+        (self.is_due, self.solving) = (false, Aside::default());
+        self.state.solution.take().is_some() || is_under_way
     }
 
     /// The area of floor that was typed is that of one scene.
@@ -304,11 +314,11 @@ impl App {
         let seen = self.solving.seen(view);
         let light = self.follower.shown_lamp_light(shown);
         let of = Measured {
-            bake: Arc::as_ptr(&shown.header).addr(),
+            bake: Identity::of(&shown.header),
             n_sets: shown.irradiance.len(),
             n_lux: self.session.n_lux(),
             rig: heard(&shown.header.basis, &self.seen().lights, &self.lights.solo),
-            lamps: light.map_or(0, |light| Arc::as_ptr(&light.direct).addr()),
+            lamps: light.map(|light| Identity::of(&light.direct)),
             marks,
             by_area: seen.is_some(),
         };

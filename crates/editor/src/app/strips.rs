@@ -54,22 +54,30 @@ fn changed(files: &[(PathBuf, Stamp)]) -> Option<PathBuf> {
 }
 
 impl App {
-    /// Starts to watch what was opened.
+    /// Starts to watch what was opened. What the look names is read again with it, but for the map of its sky, which is known as it was read.
     pub(super) fn watch_opened(&mut self) {
         let opened = self.session.opened.as_ref();
         let path = opened.and_then(|opened| opened.path.clone()).filter(|path| path.is_file());
         let beside = opened.into_iter().flat_map(|opened| opened.files.iter().cloned());
         let read = path.map(stamped);
         let files = read.iter().cloned().chain(beside.map(stamped)).collect();
-        self.watched = Watched { files, read, ..Watched::default() };
+        let (sky, mut of_look) = (self.sky_file(), std::mem::take(&mut self.watched.of_look));
+        of_look.retain(|(path, _)| Some(path) == sky.as_ref());
+        self.watched = Watched { files, of_look, read, ..Watched::default() };
         self.watch_look();
     }
 
-    /// What is open stays although it was written since: the next time is told.
+    /// What is open stays although it was written since: the next time is told, and what else was written. Files of a scene go together.
     fn keep_opened(&mut self) {
-        let read = self.watched.read.take();
-        self.watch_opened();
-        self.watched.read = read;
+        let Watched { files, of_look, looking, changed, .. } = &mut self.watched;
+        let kept = changed.take();
+        // A look that is under way knows it as it stood.
+        *looking = Aside::default();
+        let renew = |known: &mut (PathBuf, Stamp)| *known = stamped(known.0.clone());
+        match of_look.iter_mut().find(|(path, _)| Some(path) == kept.as_ref()) {
+            Some(known) => renew(known),
+            None => files.iter_mut().for_each(renew),
+        }
     }
 
     /// Whether the file of the scene holds another one than is open.
@@ -127,6 +135,7 @@ impl App {
         if let Some(known) = self.watched.of_look.iter_mut().find(|(path, _)| Some(path) == found.as_ref()) {
             *known = stamped(known.0.clone());
             let file = known.0.display().to_string();
+            self.watched.looking = Aside::default();
             return if found == self.sky_file() {
                 self.read_sky_again();
             } else if self.look.wishes.files().any(|own| own == file) {
@@ -157,5 +166,54 @@ impl App {
             Some(_) => self.keep_opened(),
             None => {}
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use clerestory_transport::sky::SkySetting;
+    use egui_kittest::Harness;
+
+    use super::*;
+    use crate::app::Start;
+
+    #[test]
+    fn a_map_that_is_written_with_its_scene_is_offered_whatever_becomes_of_the_scene() {
+        let folder = tempfile::tempdir().unwrap();
+        let [scene, map] = ["room.gltf", "day.hdr"].map(|name| folder.path().join(name));
+        let room = include_bytes!("../../tests/room.gltf").to_vec();
+        std::fs::write(&scene, &room).unwrap();
+        std::fs::write(&map, b"a map").unwrap();
+        let start = Start::alone(Source::File(scene.clone()), None);
+        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        for _ in 0..20_000 {
+            window.step();
+            if window.state().session.opened.is_some() {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let app = window.state_mut();
+        app.look.lights.sky = Some(SkySetting { file: Some(map.display().to_string()), ..SkySetting::default() });
+        app.watch_look();
+        let found = |app: &App| [changed(&app.watched.files), changed(&app.watched.of_look)];
+        assert_eq!(found(app), [None, None]);
+        std::fs::write(&scene, [&room[..], b"\n"].concat()).unwrap();
+        std::fs::write(&map, b"another map").unwrap();
+        assert_eq!(found(app), [Some(scene.clone()), Some(map.clone())]);
+        // The scene is read again.
+        app.watch_opened();
+        assert_eq!(found(app), [None, Some(map.clone())]);
+        // It is not.
+        std::fs::write(&scene, &room).unwrap();
+        app.watched.changed = Some(scene);
+        app.keep_opened();
+        assert_eq!(found(app), [None, Some(map.clone())]);
+        assert!(app.is_scene_rewritten());
+        app.watched.changed = Some(map);
+        app.keep_opened();
+        assert_eq!(found(app), [None, None]);
     }
 }

@@ -41,8 +41,8 @@ impl LookChoice {
             (Some(preset), Some(basis)) => preset.of(basis, &look).look(),
             _ => look,
         };
-        // What the document makes of the scene belongs to all of its looks.
-        Ok(Look { scene: document.scene.clone(), ..look })
+        // What the document makes of the scene and what it calls its lights belong to all of its looks.
+        Ok(Look { names: document.names.clone(), scene: document.scene.clone(), ..look })
     }
 }
 
@@ -60,6 +60,24 @@ fn parse_preset(text: &str) -> Result<Preset, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::look::timeline::{Ease, Key};
+
+    #[test]
+    fn lights_are_called_alike_whatever_is_chosen() {
+        let mut document = Look::default();
+        document.keep("Day");
+        document.timeline.add(Key { secs: 1.0, look: "Day".into(), ease: Ease::Smooth });
+        document.names.insert("lamp".into(), "Desk lamp".into());
+        for choice in [
+            LookChoice::default(),
+            LookChoice { name: Some("Day".into()), ..LookChoice::default() },
+            LookChoice { at: Some(0.5), ..LookChoice::default() },
+            LookChoice { preset: Some(Preset::Night), ..LookChoice::default() },
+        ] {
+            let look = choice.of(&document, Some(&LightBasis::default())).unwrap();
+            assert_eq!(look.name_of("lamp"), "Desk lamp", "{choice:?}");
+        }
+    }
 
     #[test]
     fn what_is_not_there_is_refused_in_words() {

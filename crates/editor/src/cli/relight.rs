@@ -59,16 +59,20 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     spare_scene(&args.relight.output, &args.scene)?;
     spare_inputs(&args.relight.output, inputs_of(&args.bake.view))?;
     let interrupt = console.interrupt.heeded()?;
-    let mut target = Target::new(&args.relight, console)?;
-    let kept = || discarded(&args.relight.output);
-    let form = args.bake.sky_form(&target.document);
-    let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), form, console)?;
-    warn_of_no_sky(sky.as_ref(), args.bake.sky_patches, console);
+    let (kept, quiet) = (|| discarded(&args.relight.output), ProgressBar::hidden());
+    let mut target = interrupt.watched(&quiet, &kept, || Target::new(&args.relight, console))?;
     let asked = args.bake.view.as_in(&target.document);
-    let mut view =
-        interrupt.watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &asked, sky.as_ref(), console))?;
+    let mut view = interrupt.watched(&quiet, &kept, || {
+        let form = args.bake.sky_form(&target.document);
+        let sky = requested_sky(&asked, target.look.lights.sky.as_ref(), form, console)?;
+        warn_of_no_sky(sky.as_ref(), args.bake.sky_patches, console);
+        open_view(&args.scene, &asked, sky.as_ref(), console)
+    })?;
     target.options.window([view.film.width, view.film.height])?;
+    // The sky was mixed with what was typed, not with what is baked of both.
+    let sky = target.look.lights.sky.take();
     target.look = chosen(&target.document, &args.relight, &view.scene.lighting.basis, console)?;
+    target.look.lights.sky = sky;
     target.told = Some(target.look.clone());
     // Nothing is kept of this bake, so that its lamps need not be movable.
     lamps::install(&mut view, &mut target.look.lights, args.relight.look.as_deref(), console)?;
@@ -79,7 +83,7 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
         .with_context(|| format!("cannot bake {}", args.scene.display()))?;
     let mut answer = baked(&bake, times, &args.bake, console)?;
     let finish = || target.finish(&bake, &[], &args.relight, console);
-    let relit = interrupt.watched(&ProgressBar::hidden(), &kept, finish)?;
+    let relit = interrupt.watched(&quiet, &kept, finish)?;
     merge(&mut answer.json, relit.json);
     answer.words = format!("{}\n{}", answer.words, relit.words);
     Ok(answer)

@@ -3,23 +3,30 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
 use anyhow::{Result, bail};
 use clap::Args;
+use clerestory_transport::archive::beside::discard;
+use clerestory_transport::bake::BakeHeader;
+use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::Film;
+use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::args::{Layers, RelightArgs};
 use super::bake::merge;
 use super::console::{Answer, Console, advance, duration_words};
+use super::interrupt::nothing_kept;
 use super::lamps;
 use super::picture;
 use super::relight::open_graphics;
 use super::view::{files_of_look, files_of_scene, load_bake, load_look, warn_of_unknown_lights};
+use crate::look::Look;
 use crate::look::lamps::resolve;
 use crate::look::timeline::FPS;
-use crate::sequence::{Pattern, Sequence};
+use crate::sequence::{Pattern, Sequence, Written};
 use crate::session::lamps::LampView;
 use crate::stills::{Stills, Subject};
 
@@ -84,9 +91,9 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
         named.extend(files_of_scene(scene));
     }
     look.rigs_mut().for_each(|rig| console.warn_all(resolve(&mut rig.lamps, &folder)));
-    let written = picture::options(pattern.format, options.depth, options.cut, &options.layers)?;
+    let file = picture::options(pattern.format, options.depth, options.cut, &options.layers)?;
     let sequence = Sequence::new(look, pattern, args.frames.frames.clone(), args.frames.fps)?;
-    let sequence = Sequence { options: written, ..sequence };
+    let sequence = Sequence { options: file, ..sequence };
     let read = [
         ("transport", Some(args.transport.as_path())),
         ("look", options.look.as_deref()),
@@ -98,15 +105,36 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     sequence.spare(&inputs)?;
 
     let interrupt = console.interrupt.heeded()?;
-    let graphics = open_graphics(options.device)?;
+    let opened = || opened(args, &sequence, console);
+    let (mut stills, header) = interrupt.watched(&ProgressBar::hidden(), &nothing_kept, opened)?;
+    let file = sequence.options.window([header.width, header.height])?;
+    let (begun, n_frames) = (Instant::now(), sequence.n_frames());
+    let written = written(&sequence, &mut stills, &header.basis, console)?;
+    console.warn_all(written.warning());
+    stills.relighter().into_iter().for_each(|relighter| relighter.warn_of_refusal(console));
+    let device = stills.relighter().map_or_else(String::new, |relighter| format!(" on the {}", relighter.words()));
+    let (secs, output) = (begun.elapsed().as_secs_f64(), options.output.display().to_string());
+    let words =
+        format!("{output}: {n_frames} frames, {}×{}, in {}{device}", file.width, file.height, duration_words(secs));
+    let mut json = json!({
+        "output": output, "frames": n_frames, "first": sequence.frames.start(), "last": sequence.frames.end(), "fps": sequence.fps,
+        "width": file.width, "height": file.height, "relight_secs": secs, "warnings": console.warnings(),
+    });
+    stills.relighter().into_iter().for_each(|relighter| merge(&mut json, relighter.json()));
+    Ok(Answer { json, words })
+}
+
+/// Reads what the frames are lit with, and says what of the look means nothing to it. Answers the head of the bake as well.
+fn opened(args: &RelightArgs, sequence: &Sequence, console: &mut Console) -> Result<(Stills, BakeHeader)> {
+    let graphics = open_graphics(args.options.device)?;
     let bake = load_bake(&args.transport)?;
     let header = bake.header.clone();
-    let file = sequence.options.window([header.width, header.height])?;
-    sequence
-        .look
-        .snapshots
-        .iter()
-        .for_each(|snapshot| warn_of_unknown_lights(&header.basis, &snapshot.look(), console));
+    // A size that the bake does not have is told before the scene is read.
+    sequence.options.window([header.width, header.height])?;
+    for snapshot in &sequence.look.snapshots {
+        let (names, scene) = (sequence.look.names.clone(), sequence.look.scene.clone());
+        warn_of_unknown_lights(&header.basis, &Look { names, scene, ..snapshot.look() }, console);
+    }
     let rigs = sequence.look.snapshots.iter().map(|snapshot| &snapshot.lights);
     lamps::warn_of_no_lamps(rigs, lamps::options_of_lamps(args), console);
     let all: Vec<_> = sequence.look.seen_in_time().flat_map(|snapshot| snapshot.lights.lit_lamps()).collect();
@@ -121,32 +149,30 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
         device: None,
     });
     lamps::warn_of_remarks(&all, console);
-    view.iter().for_each(|view| lamps::warn_of_lacking(&all, options.look.as_deref(), &view.scene, console));
-    let mut stills = Stills::new(Arc::new(Subject { bake, view }), graphics);
-    let (begun, n_frames, bar) = (Instant::now(), sequence.n_frames(), console.start_progress("frames"));
+    view.iter().for_each(|view| lamps::warn_of_lacking(&all, args.options.look.as_deref(), &view.scene, console));
+    Ok((Stills::new(Arc::new(Subject { bake, view }), graphics), header))
+}
+
+/// Writes all frames; a signal ends that, and of the frame that is not whole then nothing stays.
+fn written(sequence: &Sequence, stills: &mut Stills, basis: &LightBasis, console: &mut Console) -> Result<Written> {
+    let interrupt = console.interrupt.heeded()?;
+    let (n_frames, n_whole, bar) = (sequence.n_frames(), AtomicU32::new(0), console.start_progress("frames"));
     let mut on_frame = |n: u32| {
+        n_whole.store(n, Ordering::Relaxed);
         advance(&bar, n as f32 / n_frames as f32);
         bar.set_message(format!("{n} of {n_frames}"));
     };
-    let written = sequence.write(&mut stills, &header.basis, &|| interrupt.came(), &mut on_frame);
+    let words = |n: u32| format!("{n} of {n_frames} frames were written, each of them whole");
+    let kept = || {
+        let n_whole = n_whole.load(Ordering::Relaxed);
+        discard(&sequence.pattern.file(sequence.frames.start().saturating_add(n_whole)));
+        words(n_whole)
+    };
+    let write = || sequence.write(stills, basis, &|| interrupt.came(), &mut on_frame);
+    let written = interrupt.watched(&bar, &kept, write);
     console.end_progress();
     let written = written?;
-    if written.n_frames < n_frames {
-        let n_written = written.n_frames;
-        return Err(interrupt.stopped(format!("{n_written} of {n_frames} frames were written, each of them whole")));
-    }
-    console.warn_all(written.warning());
-    stills.relighter().into_iter().for_each(|relighter| relighter.warn_of_refusal(console));
-    let device = stills.relighter().map_or_else(String::new, |relighter| format!(" on the {}", relighter.words()));
-    let (secs, output) = (begun.elapsed().as_secs_f64(), options.output.display().to_string());
-    let words =
-        format!("{output}: {n_frames} frames, {}×{}, in {}{device}", file.width, file.height, duration_words(secs));
-    let mut json = json!({
-        "output": output, "frames": n_frames, "first": sequence.frames.start(), "last": sequence.frames.end(), "fps": sequence.fps,
-        "width": file.width, "height": file.height, "relight_secs": secs, "warnings": console.warnings(),
-    });
-    stills.relighter().into_iter().for_each(|relighter| merge(&mut json, relighter.json()));
-    Ok(Answer { json, words })
+    if written.n_frames < n_frames { Err(interrupt.stopped(words(written.n_frames))) } else { Ok(written) }
 }
 
 #[cfg(test)]

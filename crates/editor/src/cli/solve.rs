@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
@@ -30,7 +30,9 @@ use crate::words::in_words;
 
 pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let mut look = load_look(args.look.as_deref(), console)?;
-    spare(args, &look)?;
+    let text = args.wishes.as_deref().map(parse::text_of).transpose()?;
+    let wishes = args.wishes.as_deref().zip(text.as_deref());
+    spare(args, wishes, &look)?;
     let folder = args.look.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
     let place = PendingFile::create(&args.output)?;
     let bake = load_bake(&args.transport)?;
@@ -45,8 +47,8 @@ pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
         let seen = Arc::new(Seen::new(&scene, &camera, film));
         (scene, seen)
     });
-    let wished = if args.wishes.is_some() || args.picture.is_some() {
-        wished(args, &bake, scene.as_ref())?
+    let wished = if wishes.is_some() || args.picture.is_some() {
+        wished(args, wishes, &bake, scene.as_ref())?
     } else {
         wished_in(&look, &bake, Framing { film, camera }, &lamps, console)?
     };
@@ -64,18 +66,15 @@ pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
 }
 
 /// Refuses an output that would overwrite what is read. The look itself may become what was found, but nothing that it names.
-fn spare(args: &SolveArgs, look: &Look) -> Result<()> {
+fn spare(args: &SolveArgs, wishes: Option<(&Path, &str)>, look: &Look) -> Result<()> {
     let output = args.output.as_path();
     let inputs =
         [("transport", Some(&args.transport)), ("wishes", args.wishes.as_ref()), ("picture", args.picture.as_ref())];
     spare_inputs(output, inputs.into_iter().filter_map(|(what, path)| Some((what, path?.as_path()))))?;
     args.scene.iter().try_for_each(|scene| spare_scene(output, scene))?;
     spare_files(output, &files_of_look(args.look.as_deref(), look))?;
-    let folder = args.look.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
-    let of_look = look.wishes.files().map(|file| folder.join(file));
-    let of_wishes = args.wishes.as_deref().map(parse::pictures).transpose()?;
-    let pictures: Vec<PathBuf> = of_look.chain(of_wishes.unwrap_or_default()).collect();
-    spare_inputs(output, pictures.iter().map(|file| ("picture", file.as_path())))?;
+    let of_wishes = wishes.map(|(path, text)| parse::pictures(path, text)).transpose()?.unwrap_or_default();
+    spare_inputs(output, of_wishes.iter().map(|file| ("picture", file.as_path())))?;
     // The look may be called as its user likes.
     match &args.look {
         Some(look) if is_same_file(output, look) => Ok(()),
@@ -83,11 +82,16 @@ fn spare(args: &SolveArgs, look: &Look) -> Result<()> {
     }
 }
 
-/// The wishes of the file and of the command line.
-fn wished(args: &SolveArgs, bake: &Bake, scene: Option<&(PreparedScene, Arc<Seen>)>) -> Result<Request> {
+/// The wishes of the file, with its text, and of the command line.
+fn wished(
+    args: &SolveArgs,
+    wishes: Option<(&Path, &str)>,
+    bake: &Bake,
+    scene: Option<&(PreparedScene, Arc<Seen>)>,
+) -> Result<Request> {
     let surroundings = Surroundings { bake, seen: scene.map(|(scene, seen)| (scene, seen.as_ref())) };
-    let mut request = match &args.wishes {
-        Some(path) => parse::read(path, &surroundings)?,
+    let mut request = match wishes {
+        Some((path, text)) => parse::read(path, text, &surroundings)?,
         None => Request::default(),
     };
     if let Some(path) = &args.picture {

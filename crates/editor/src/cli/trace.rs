@@ -31,18 +31,23 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let interrupt = console.interrupt.heeded()?;
     let place = PendingFile::create(&args.output)?;
     let kept = || discarded(&args.output);
-    let document = load_look(args.look.as_deref(), console)?;
+    let quiet = ProgressBar::hidden();
+    let document = interrupt.watched(&quiet, &kept, || load_look(args.look.as_deref(), console))?;
     spare_look(&args.output, args.look.as_deref(), &document)?;
     let look = args.choice.of(&document, None)?;
     if look.shows_irradiance(format) {
         bail!("trace measures no light that arrives, which the look shows in false color; use `clerestory render`");
     }
-    let sky = requested_sky(&args.view, look.lights.sky.as_ref(), SkyForm::Whole, console)?;
     let asked = args.view.as_in(&document);
-    let mut view =
-        interrupt.watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &asked, sky.as_ref(), console))?;
+    let mut view = interrupt.watched(&quiet, &kept, || {
+        let sky = requested_sky(&asked, look.lights.sky.as_ref(), SkyForm::Whole, console)?;
+        open_view(&args.scene, &asked, sky.as_ref(), console)
+    })?;
     let basis = &view.scene.lighting.basis;
-    let look = args.choice.of(&or_of_file(document, args.look.as_deref(), basis), Some(basis))?;
+    // The sky was mixed with what was typed, not with what shines of both.
+    let sky = look.lights.sky;
+    let mut look = args.choice.of(&or_of_file(document, args.look.as_deref(), basis), Some(basis))?;
+    look.lights.sky = sky;
     warn_of_unknown_lights(basis, &look, console);
     let mut rig = look.lights.clone();
     lamps::install(&mut view, &mut rig, args.look.as_deref(), console)?;
@@ -68,7 +73,7 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     warn_of_black("the picture is", &radiance, (&view.scene.lighting.basis, &rig), console);
     let picture =
         Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look, units: Units::Photometric };
-    let shown = interrupt.watched(&ProgressBar::hidden(), &kept, || picture.write(place, format, &options))?;
+    let shown = interrupt.watched(&quiet, &kept, || picture.write(place, format, &options))?;
     let output = args.output.display().to_string();
     let words = format!(
         "{output}: {}×{} at {} spp in {}",

@@ -22,9 +22,10 @@ use clerestory_transport::stop::Stop;
 
 use super::args::{IesRequest, ViewArgs};
 use super::console::Console;
+use crate::action::is_transport;
 use crate::black::{black_words, is_black};
 use crate::look::scene::SceneChoice;
-use crate::look::{Look, sky};
+use crate::look::{Look, named_scene, sky};
 use crate::output::spare_inputs;
 use crate::platform::memory_bytes;
 
@@ -108,12 +109,14 @@ pub(crate) fn spare_look(output: &Path, path: Option<&Path>, look: &Look) -> Res
 }
 
 /// Refuses an output that would overwrite one of some files.
-pub(super) fn spare_files(output: &Path, files: &[(&'static str, PathBuf)]) -> Result<()> {
+pub(crate) fn spare_files(output: &Path, files: &[(&'static str, PathBuf)]) -> Result<()> {
     spare_inputs(output, files.iter().map(|(what, file)| (*what, file.as_path())))
 }
 
-/// The files that a look names, and what they are called: its skies, and what its lamps are measured by.
-pub(super) fn files_of_look(path: Option<&Path>, look: &Look) -> Vec<(&'static str, PathBuf)> {
+/// The files that a look names, and what they are called: its scene, its skies, what its lamps are measured by, and pictures to match.
+pub(crate) fn files_of_look(path: Option<&Path>, look: &Look) -> Vec<(&'static str, PathBuf)> {
+    // A bake that the look was saved with may be made anew under it.
+    let scene = path.and_then(named_scene).filter(|scene| !is_transport(scene));
     let folder = path.and_then(Path::parent).unwrap_or(Path::new(""));
     let skies = look.rigs().filter_map(|rig| rig.sky.as_ref()?.file.as_deref());
     let skies = skies.map(|file| ("sky", folder.join(file)));
@@ -122,7 +125,8 @@ pub(super) fn files_of_look(path: Option<&Path>, look: &Look) -> Vec<(&'static s
         LampShape::Profile { file } => Some(("measured distribution", folder.join(file))),
         _ => None,
     });
-    skies.chain(profiles).collect()
+    let pictures = look.wishes.files().map(|file| ("picture", folder.join(file)));
+    scene.map(|scene| ("scene", scene)).into_iter().chain(skies).chain(profiles).chain(pictures).collect()
 }
 
 /// Opens a scene for tracing under a sky, if any.

@@ -5,7 +5,7 @@ use std::ops::Range;
 use anyhow::Result;
 use clap::ValueEnum;
 use clerestory_relight::Radiance;
-use clerestory_transport::basis::{LightBasis, SourceKind};
+use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use serde::{Deserialize, Serialize};
 
 use crate::look::Look;
@@ -55,27 +55,54 @@ pub fn layer_name(key: &str, look: &Look) -> String {
     if is_shared { key.to_owned() } else { name.to_owned() }
 }
 
-/// What the layer of the first group is called that holds a light: as the panel of lights calls it, its key where it calls another one so.
+/// What the panel of lights calls a group.
+fn called<'a>(group: &'a str, look: &'a Look) -> &'a str {
+    look.names.get(group).map_or_else(|| own_name(group), String::as_str)
+}
+
+/// What the layer of a group is called: as the panel of lights calls it, its key where it calls another one so.
+fn group_name<'a>(group: &'a str, look: &'a Look) -> &'a str {
+    let name = called(group, look);
+    let is_shared = look.lights.groups.keys().any(|other| other != group && called(other, look) == name);
+    if is_shared { group } else { name }
+}
+
+/// The same of the first group that holds a light.
 fn group_of(light: &str, look: &Look) -> Option<String> {
-    let name_of = |key: &'_ str| look.names.get(key).map_or_else(|| own_name(key).to_owned(), String::clone);
-    let groups = &look.lights.groups;
-    let (key, _) = groups.iter().find(|(_, group)| group.lights.contains(light))?;
-    let name = name_of(key);
-    let is_shared = groups.keys().any(|other| other != key && name_of(other) == name);
-    Some(if is_shared { key.clone() } else { name })
+    let (key, _) = look.lights.groups.iter().find(|(_, group)| group.lights.contains(light))?;
+    Some(group_name(key, look).to_owned())
+}
+
+/// What the layer of a kind is called: with a number where a group is called so.
+fn kind_name(kind: &str, look: &Look) -> String {
+    let mut groups = look.lights.groups.keys().filter(|group| group.as_str() == kind || called(group, look) == kind);
+    let is_taken = groups.any(|group| group_name(group, look) == kind);
+    if is_taken { format!("{kind}#2") } else { kind.to_owned() }
 }
 
 impl LayerSet {
-    /// Names of the parts, and the columns of each, in the order of the columns; free lamps have none.
+    /// Names of the parts, and the columns of each, in the order of the columns. Free lamps have none, unless they were made lights of
+    /// the scene.
     pub fn parts(self, basis: &LightBasis, look: &Look) -> Vec<(String, Vec<Range<u32>>)> {
+        let lamps = look.lights.shining_lamps();
+        let kind_of = |source: &LightSource| {
+            let is_free = lamps.iter().any(|lamp| lamp.key == source.key);
+            if is_free { FREE_LAMPS } else { kind_of(source.kind) }
+        };
         let mut parts: Vec<(String, Vec<Range<u32>>)> = Vec::new();
         for source in &basis.sources {
             let name = match self {
                 LayerSet::None => continue,
-                LayerSet::Lights => layer_name(&source.key, look),
-                LayerSet::Groups => group_of(&source.key, look).unwrap_or_else(|| kind_of(source.kind).to_owned()),
+                LayerSet::Lights => {
+                    let name = layer_name(&source.key, look);
+                    // Another light is called so by its key.
+                    let is_taken =
+                        name != source.key && !look.names.contains_key(&name) && basis.source(&name).is_some();
+                    if is_taken { source.key.clone() } else { name }
+                }
+                LayerSet::Groups => group_of(&source.key, look).unwrap_or_else(|| kind_name(kind_of(source), look)),
             };
-            match parts.iter_mut().find(|(other, _)| *other == name) {
+            match parts.iter_mut().find(|(other, _)| self == LayerSet::Groups && *other == name) {
                 Some((_, columns)) => columns.push(source.columns.clone()),
                 None => parts.push((name, vec![source.columns.clone()])),
             }
@@ -90,7 +117,7 @@ impl LayerSet {
             let name = match self {
                 LayerSet::None => continue,
                 LayerSet::Lights => layer_name(key, look),
-                LayerSet::Groups => group_of(key, look).unwrap_or_else(|| FREE_LAMPS.to_owned()),
+                LayerSet::Groups => group_of(key, look).unwrap_or_else(|| kind_name(FREE_LAMPS, look)),
             };
             match parts.iter_mut().find(|(other, _)| self == LayerSet::Groups && *other == name) {
                 Some((_, lamps)) => lamps.push(idx),
@@ -137,8 +164,9 @@ impl LayerSet {
 
 #[cfg(test)]
 mod tests {
-    use clerestory_transport::basis::LightSource;
-    use clerestory_transport::light::LightGroup;
+    use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+    use clerestory_transport::light::{LightGroup, LightSetting};
+    use glam::Vec3;
 
     use super::*;
 
@@ -193,6 +221,28 @@ mod tests {
     }
 
     #[test]
+    fn a_group_that_is_called_as_a_kind_holds_its_own_lights_alone() {
+        let (basis, mut look) = (basis(), Look::default());
+        for (name, light) in [("lamps", "desk"), (FREE_LAMPS, "Lamp 1")] {
+            let lights = [light.to_owned()].into();
+            look.lights.groups.insert(name.into(), LightGroup { lights, intensity: 1.0, muted: false });
+        }
+        assert_eq!(names_of(LayerSet::Groups, &basis, &look), ["lamps", "surfaces", "lamps#2", "sky", "panels"]);
+        let parts = LayerSet::Groups.lamp_parts(&["Lamp 1", "Lamp 2"], &look);
+        assert_eq!(parts, [(FREE_LAMPS.to_owned(), vec![0]), (format!("{FREE_LAMPS}#2"), vec![1])]);
+    }
+
+    #[test]
+    fn a_light_that_is_called_as_another_one_has_a_layer_of_its_own() {
+        let (basis, mut look) = (basis(), Look::default());
+        look.names.insert("wall".into(), "screen".into());
+        let keys = ["desk", "screen", "wall", "sky", "ceiling"];
+        assert_eq!(names_of(LayerSet::Lights, &basis, &look), keys);
+        look.names.insert("screen".into(), "wall".into());
+        assert_eq!(names_of(LayerSet::Lights, &basis, &look), ["desk", "wall", "screen", "sky", "ceiling"]);
+    }
+
+    #[test]
     fn free_lamps_go_with_the_group_of_the_look_that_has_them() {
         let mut look = Look::default();
         let lights = ["desk", "Lamp 1"].map(String::from).into();
@@ -210,6 +260,34 @@ mod tests {
         LayerSet::Lights.take_in(&mut layers, layer("work", 8.0));
         let told = layers.iter().map(|layer| (layer.key.as_str(), layer.radiance.pixels[0][0]));
         assert_eq!(told.collect::<Vec<_>>(), [("work", 3.0), (FREE_LAMPS, 4.0), ("work", 8.0)]);
+    }
+
+    #[test]
+    fn free_lamps_that_were_made_lights_of_the_scene_are_a_kind_of_their_own() {
+        let lamp = |key: &str| FreeLamp {
+            key: key.into(),
+            shape: LampShape::Point,
+            position: Vec3::ZERO,
+            aim: Vec3::NEG_Y,
+            strength: 1.0,
+            unit: LampUnit::Candela,
+            setting: LightSetting::default(),
+            turn_rad: 0.0,
+            replaces: None,
+        };
+        let source = |key: &str, kind| LightSource::plain(key, kind, 0..1);
+        let basis = LightBasis::new(vec![
+            source("desk", SourceKind::Point),
+            source("Lamp 1", SourceKind::Point),
+            source("Lamp 2", SourceKind::Emitter),
+        ]);
+        let mut look = Look::default();
+        look.lights.lamps = ["Lamp 1", "Lamp 2"].map(lamp).into();
+        assert_eq!(names_of(LayerSet::Groups, &basis, &look), ["lamps", FREE_LAMPS]);
+        assert_eq!(names_of(LayerSet::Lights, &basis, &look), ["desk", "Lamp 1", "Lamp 2"]);
+        let lights = ["Lamp 2".to_owned()].into();
+        look.lights.groups.insert("work".into(), LightGroup { lights, intensity: 1.0, muted: false });
+        assert_eq!(names_of(LayerSet::Groups, &basis, &look), ["lamps", FREE_LAMPS, "work"]);
     }
 
     #[test]

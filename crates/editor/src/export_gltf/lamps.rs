@@ -121,7 +121,10 @@ fn punctual(document: &mut Document, lamp: &FreeLamp, light: Vec3) -> Value {
     match lamp.shape {
         LampShape::Spot { inner_rad, outer_rad } => {
             own["type"] = "spot".into();
-            let (inner_rad, outer_rad) = (inner_rad.min(FRAC_PI_2), outer_rad.clamp(LEAST_CONE_RAD, FRAC_PI_2));
+            let outer_rad = outer_rad.clamp(LEAST_CONE_RAD, FRAC_PI_2);
+            // glTF asks for less than the outer angle, and for a right angle at most: in single precision that is a little more.
+            let inner_rad = inner_rad.min(outer_rad.next_down());
+            let outer_rad = f64::from(outer_rad).min(std::f64::consts::FRAC_PI_2);
             own["spot"] = json!({ "innerConeAngle": inner_rad, "outerConeAngle": outer_rad });
         }
         LampShape::Directional { .. } => own["type"] = "directional".into(),

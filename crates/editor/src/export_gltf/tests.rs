@@ -403,6 +403,25 @@ fn a_spot_wider_than_gltf_has_them_is_told_and_ends_at_90_degrees() {
 }
 
 #[test]
+fn cones_of_spots_are_within_what_gltf_asks_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
+    std::fs::write(&file, include_str!("../../tests/room.gltf")).unwrap();
+    let mut look = Look::default();
+    look.lights.lamps = [("hard", 0.4), ("right", std::f32::consts::FRAC_PI_2)]
+        .map(|(key, rad)| free(key, LampShape::Spot { inner_rad: rad, outer_rad: rad }))
+        .into();
+    assert_eq!(save(&file, &open(&file), &look, &out), Vec::<String>::new());
+    let document = parts(&out).0;
+    for (key, rad) in [("hard", f64::from(0.4f32)), ("right", std::f64::consts::FRAC_PI_2)] {
+        let lamps = document["extensions"]["KHR_lights_punctual"]["lights"].as_array().unwrap();
+        let cone = &lamps.iter().find(|lamp| lamp["name"] == key).unwrap()["spot"];
+        let [inner, outer] = ["innerConeAngle", "outerConeAngle"].map(|name| cone[name].as_f64().unwrap());
+        assert!(inner < outer && inner > 0.999 * outer && outer == rad, "{cone}");
+    }
+}
+
+#[test]
 fn a_free_lamp_of_a_eulumdat_file_comes_back_with_its_distribution() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out, profile) =

@@ -13,10 +13,17 @@ use clerestory_transport::sky::{SkySetting, SunPlace, SunSetting};
 use glam::{Vec2, Vec3};
 
 use super::display::DISPLAY_KELVIN;
+use super::groups::join;
 use super::{Display, Look};
 
 /// A spot that covers its panel: what a panel without spots shines like.
 const UNIFORM: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 100.0, color: None, intensity: 1.0 };
+
+/// The light that is shown as neutral where a look chooses none: D65, which lies beside the Planckian locus.
+const DISPLAY_WHITE: WhitePoint = WhitePoint { kelvin: DISPLAY_KELVIN, duv: 0.0032 };
+
+/// A whole turn: an angle that goes on behind it comes round again, as a file holds no more.
+const TURN_DEG: f64 = 360.0;
 
 /// Behind the key of a lamp that comes up while another one has that key.
 pub const NEW: &str = " (new)";
@@ -53,13 +60,12 @@ fn rig(a: &LightRig, b: &LightRig, t: f32, basis: Option<&LightBasis>) -> LightR
         (key.clone(), spots(&ends, own_color(key)))
     };
     let panels = panels.into_iter().map(panel).collect();
-    LightRig {
-        lights,
-        panels,
-        sky: sky(a.sky.as_ref(), b.sky.as_ref(), t),
-        lamps: lamps(&a.lamps, &b.lamps, t),
-        groups: a.groups.clone(),
-    }
+    let as_baked = basis.map_or_else(SkySetting::default, LightBasis::sky_as_baked);
+    let sky = sky([a.sky.as_ref(), b.sky.as_ref()], t, &as_baked);
+    let (lamps, renamed) = lamps(&a.lamps, &b.lamps, t);
+    let mut mixed = LightRig { lights, panels, sky, lamps, groups: a.groups.clone() };
+    renamed.iter().for_each(|[own, called]| join(&mut mixed, own, called));
+    mixed
 }
 
 /// The same light without groups: what they multiply is part of each light.
@@ -91,7 +97,8 @@ fn setting(a: LightSetting, b: LightSetting, t: f32, own: Vec3) -> LightSetting 
     let intensity = weights[0] + weights[1];
     let nearer = if t < 0.5 { a } else { b };
     if intensity <= 0.0 {
-        return LightSetting { muted: a.muted && b.muted, intensity: lerp(a.intensity, b.intensity, t), ..nearer };
+        // Dark at both ends: of a light that is muted at one of them alone the other is turned down to nothing.
+        return LightSetting { muted: a.muted || b.muted, intensity: lerp(a.intensity, b.intensity, t), ..nearer };
     }
     let tint = |setting: LightSetting| LightSetting { intensity, muted: false, ..setting };
     match (a.kelvin, b.kelvin) {
@@ -144,11 +151,10 @@ fn spots(ends: &[PanelEnd; 2], own: Vec3) -> Vec<PanelSpot> {
 }
 
 /// Between two skies of one map, or two suns: turned and dimmed along the way. One map does not become another: the first
-/// goes out by the middle, and the second comes up from there.
+/// goes out by the middle, and the second comes up from there. What names none is `as_baked`.
 #[expect(clippy::cast_possible_truncation, reason = "an angle, as exact as the look keeps it")]
-fn sky(a: Option<&SkySetting>, b: Option<&SkySetting>, t: f32) -> Option<SkySetting> {
-    let as_baked = SkySetting::default();
-    let (from, to) = (a.unwrap_or(&as_baked), b.unwrap_or(&as_baked));
+fn sky(ends: [Option<&SkySetting>; 2], t: f32, as_baked: &SkySetting) -> Option<SkySetting> {
+    let [from, to] = ends.map(|sky| sky.unwrap_or(as_baked));
     let mixed = match (from.sun, to.sun) {
         _ if from.file != to.file => None,
         (None, None) => Some((None, from.map.clone())),
@@ -159,14 +165,15 @@ fn sky(a: Option<&SkySetting>, b: Option<&SkySetting>, t: f32) -> Option<SkySett
         let dimmed = |sky: &SkySetting, by: f32| SkySetting { intensity: sky.intensity * by, ..sky.clone() };
         return Some(if t < 0.5 { dimmed(from, 1.0 - 2.0 * t) } else { dimmed(to, 2.0 * t - 1.0) });
     };
-    let rotation_deg = from.rotation_deg + t * shortest_deg(f64::from(to.rotation_deg - from.rotation_deg)) as f32;
+    let turn_deg = shortest_deg(f64::from(to.rotation_deg - from.rotation_deg));
+    let rotation_deg = ((f64::from(from.rotation_deg) + f64::from(t) * turn_deg) % TURN_DEG) as f32;
     let intensity = lerp(from.intensity, to.intensity, t);
     let mut sky = SkySetting { file: from.file.clone(), rotation_deg, intensity, sun, map };
     if sky.map.is_none() && sky.sun.is_some() {
         // An analytic sky goes with its sun; angles between two that exist exist, and no file is read.
         super::sky::load(&mut sky, std::path::Path::new("")).ok()?;
     }
-    (sky != as_baked).then_some(sky)
+    (sky != *as_baked).then_some(sky)
 }
 
 /// Between two suns; none if one of them does not exist.
@@ -176,8 +183,10 @@ fn sun(a: SunSetting, b: SunSetting, t: f32) -> Option<SunSetting> {
     }
     let (from, to) = (a.position().ok()?, b.position().ok()?);
     let along = f64::from(t);
+    let azimuth_deg = from.azimuth_deg + along * shortest_deg(to.azimuth_deg - from.azimuth_deg);
     let place = SunPlace::Angles {
-        azimuth_deg: from.azimuth_deg + along * shortest_deg(to.azimuth_deg - from.azimuth_deg),
+        // Within what a file holds, past north as well.
+        azimuth_deg: azimuth_deg.rem_euclid(TURN_DEG),
         elevation_deg: from.elevation_deg + along * (to.elevation_deg - from.elevation_deg),
     };
     let [turbidity, intensity] = [(a.turbidity, b.turbidity), (a.intensity, b.intensity)].map(|(x, y)| lerp(x, y, t));
@@ -186,26 +195,30 @@ fn sun(a: SunSetting, b: SunSetting, t: f32) -> Option<SunSetting> {
 
 /// The same turn the shorter way round.
 fn shortest_deg(turn: f64) -> f64 {
-    (turn + 180.0).rem_euclid(360.0) - 180.0
+    (turn + 0.5 * TURN_DEG).rem_euclid(TURN_DEG) - 0.5 * TURN_DEG
 }
 
-/// Lamps of one name and kind move; others go out, and come up.
-fn lamps(a: &[FreeLamp], b: &[FreeLamp], t: f32) -> Vec<FreeLamp> {
+/// Lamps of one name and kind move; others go out, and come up. Answers as well how those are called that come up beside another one of
+/// their name.
+fn lamps(a: &[FreeLamp], b: &[FreeLamp], t: f32) -> (Vec<FreeLamp>, Vec<[String; 2]>) {
     let partner = |lamp: &FreeLamp| b.iter().find(|other| other.key == lamp.key && is_alike(lamp, other));
     let dimmed = |lamp: &FreeLamp, by: f32| {
         let setting = LightSetting { intensity: lamp.setting.intensity * by, ..lamp.setting };
         FreeLamp { setting, ..lamp.clone() }
     };
-    let mut lamps: Vec<FreeLamp> = Vec::new();
+    let (mut lamps, mut renamed): (Vec<FreeLamp>, Vec<[String; 2]>) = (Vec::new(), Vec::new());
     lamps.extend(a.iter().map(|lamp| partner(lamp).map_or_else(|| dimmed(lamp, 1.0 - t), |to| moved(lamp, to, t))));
     for lamp in b.iter().filter(|lamp| !a.iter().any(|from| from.key == lamp.key && is_alike(from, lamp))) {
         let mut new = dimmed(lamp, t);
         while lamps.iter().any(|other| other.key == new.key) || a.iter().any(|other| other.key == new.key) {
             new.key.push_str(NEW);
         }
+        if new.key != lamp.key {
+            renamed.push([lamp.key.clone(), new.key.clone()]);
+        }
         lamps.push(new);
     }
-    lamps
+    (lamps, renamed)
 }
 
 /// Whether a lamp can become another one.
@@ -254,7 +267,7 @@ fn shape(a: &LampShape, b: &LampShape, t: f32) -> LampShape {
 /// temperature. What has no middle changes half way.
 fn display(a: &Display, b: &Display, t: f32) -> Display {
     let nearer = if t < 0.5 { a } else { b };
-    let white = |display: &Display| display.white.unwrap_or(WhitePoint { kelvin: DISPLAY_KELVIN, duv: 0.0 });
+    let white = |display: &Display| display.white.unwrap_or(DISPLAY_WHITE);
     let (x, y) = (white(a), white(b));
     let between = WhitePoint { kelvin: 1.0 / lerp(1.0 / x.kelvin, 1.0 / y.kelvin, t), duv: lerp(x.duv, y.duv, t) };
     let exposure_ev = a.exposure_ev.zip(b.exposure_ev).map(|(x, y)| lerp(x, y, t));
@@ -265,9 +278,11 @@ fn display(a: &Display, b: &Display, t: f32) -> Display {
 
 #[cfg(test)]
 mod tests {
+    use clerestory_relight::{Radiance, Tone, encode};
     use clerestory_transport::basis::{LightSource, SourceKind};
     use clerestory_transport::lamps::LampUnit;
-    use clerestory_transport::light::planckian_tint;
+    use clerestory_transport::light::{LightGroup, planckian_tint};
+    use clerestory_transport::sky::{Environment, SkyLight};
 
     use super::*;
 
@@ -311,6 +326,19 @@ mod tests {
             // Again with lights that go out or come up.
             a.lights.lights.insert("panel".into(), LightSetting { muted: true, ..LightSetting::default() });
             std::mem::swap(&mut a, &mut b);
+        }
+    }
+
+    #[test]
+    fn what_is_dark_at_both_ends_is_dark_between_them() {
+        let (muted, down) = (
+            LightSetting { muted: true, ..LightSetting::default() },
+            LightSetting { intensity: 0.0, ..LightSetting::default() },
+        );
+        for [a, b] in [[muted, down], [down, muted], [muted, muted], [down, down]] {
+            for t in [0.01, 0.5, 0.99] {
+                assert_eq!(level(setting(a, b, t, Vec3::ONE)), 0.0, "{a:?}, {b:?} at {t}");
+            }
         }
     }
 
@@ -361,6 +389,14 @@ mod tests {
         assert_eq!((quarter[0].position, &quarter[0].shape), (Vec3::Y, &LampShape::Disk { radius_m: 1.5 }));
         assert_eq!(fade(&a, &b, 0.0, None), a);
         assert_eq!(fade(&a, &b, 1.0, None), b);
+        // A group of both looks is one of the lamp that goes out and of the one that comes up.
+        for look in [&mut a, &mut b] {
+            let lights = ["x".to_owned()].into();
+            look.lights.groups.insert("work".into(), LightGroup { lights, intensity: 0.5, muted: false });
+        }
+        let lit = fade(&a, &b, 0.75, None).lights.lit_lamps();
+        let told: Vec<_> = lit[1..3].iter().map(|l| (l.key.as_str(), l.setting.intensity)).collect();
+        assert_eq!(told, [("x", 0.125), ("x (new)", 0.375)]);
     }
 
     #[test]
@@ -369,17 +405,61 @@ mod tests {
             sun: Some(SunSetting::by_angles(azimuth, elevation)),
             ..SkySetting::default()
         };
-        let between = sky(Some(&at(350.0, 40.0)), Some(&at(20.0, 20.0)), 0.5).unwrap();
+        let plain = SkySetting::default();
+        let between = sky([Some(&at(350.0, 40.0)), Some(&at(20.0, 20.0))], 0.5, &plain).unwrap();
         let place = between.sun.unwrap().place;
-        assert_eq!(place, SunPlace::Angles { azimuth_deg: 365.0, elevation_deg: 30.0 });
+        assert_eq!(place, SunPlace::Angles { azimuth_deg: 5.0, elevation_deg: 30.0 });
         assert!(between.map.is_some(), "its sky comes with it");
+        let past_north = LightRig { sky: Some(between), ..LightRig::default() };
+        Look::from_json(&Look { lights: past_north, ..Look::default() }.to_json()).expect("a look that can be opened");
         let file = SkySetting { file: Some("a.hdr".into()), intensity: 2.0, ..SkySetting::default() };
-        let steps = [0.25, 0.75].map(|t| sky(Some(&file), None, t).unwrap());
+        let steps = [0.25, 0.75].map(|t| sky([Some(&file), None], t, &plain).unwrap());
         assert_eq!((steps[0].file.as_deref(), steps[0].intensity), (Some("a.hdr"), 1.0));
         assert_eq!((steps[1].file.as_deref(), steps[1].intensity), (None, 0.5));
         let turned = SkySetting { rotation_deg: 350.0, ..SkySetting::default() };
-        assert_eq!(sky(None, Some(&turned), 0.5).unwrap().rotation_deg, -5.0);
-        assert_eq!(sky(None, None, 0.5), None);
+        assert_eq!(sky([None, Some(&turned)], 0.5, &plain).unwrap().rotation_deg, -5.0);
+        // At the ends of what a file holds, between two looks and in the file of what lies there.
+        let far = [3600.0, 20.0].map(|rotation_deg| SkySetting { rotation_deg, ..at(350.0, 40.0) });
+        let [from, mut to] =
+            far.map(|sky| Look { lights: LightRig { sky: Some(sky), ..LightRig::default() }, ..Look::default() });
+        to.lights.sky.iter_mut().for_each(|sky| sky.sun = at(20.0, 40.0).sun);
+        let (again, _) = Look::from_json(&fade(&from, &to, 0.5, None).to_json()).unwrap();
+        let again = again.lights.sky.unwrap();
+        assert_eq!(again.rotation_deg, 10.0);
+        assert_eq!(again.sun.unwrap().place, SunPlace::Angles { azimuth_deg: 5.0, elevation_deg: 40.0 });
+        assert_eq!(sky([None; 2], 0.5, &plain), None);
+    }
+
+    #[test]
+    fn a_look_without_a_sky_fades_from_how_the_sky_was_baked() {
+        let map = Environment::uniform(Vec3::ONE);
+        let baked = SkyLight { rotation_deg: 75.0, intensity: 2.5, ..SkyLight::new("day.hdr", map) };
+        let basis = LightBasis { sky: Some(baked), ..basis() };
+        let with = |sky: SkySetting| {
+            let lights = LightRig { sky: Some(sky), ..LightRig::default() };
+            Look { lights, ..Look::default() }
+        };
+        let dim = SkySetting { rotation_deg: 75.0, intensity: 0.5, ..SkySetting::default() };
+        let half = |to: &Look, share| fade(&Look::default(), to, share, Some(&basis)).lights.sky;
+        // Half way from 2.5 to 0.5, and not turned on the way.
+        assert_eq!(half(&with(dim.clone()), 0.5), Some(SkySetting { intensity: 1.5, ..dim }));
+        // Another map: the baked sky goes out first, turned as it is.
+        let other = SkySetting { file: Some("b.hdr".into()), ..SkySetting::default() };
+        let going = half(&with(other), 0.25).unwrap();
+        assert_eq!((going.file, going.rotation_deg, going.intensity), (None, 75.0, 1.25));
+        assert_eq!(half(&Look::default(), 0.5), None);
+    }
+
+    #[test]
+    fn white_balance_comes_up_from_colors_as_they_are() {
+        let gray = Radiance { width: 1, height: 1, pixels: vec![[0.5; 3]] };
+        let shown = |display: Display| encode(&gray, &display.metered(&gray));
+        let plain = Display { exposure_ev: Some(0.0), tone: Tone::Linear, ..Display::default() };
+        let warm = Display { white: Some(WhitePoint { kelvin: 3000.0, duv: 0.0 }), ..plain };
+        for between in [display(&plain, &warm, 1e-3), display(&warm, &plain, 1.0 - 1e-3)] {
+            let (just, before) = (shown(between), shown(plain));
+            assert!(just.iter().zip(&before).all(|(a, b)| a.abs_diff(*b) <= 1), "{just:?} is not {before:?}");
+        }
     }
 
     #[test]

@@ -143,8 +143,8 @@ fn by_angles(angles: &str) -> Result<SunSetting, String> {
 
 /// Year, month and day of `2026-06-21`; they may not exist.
 fn date_of(text: &str) -> Option<(i32, u32, u32)> {
-    let parts: Vec<u32> = text.split('-').map_while(|part| part.parse().ok()).collect();
-    let &[year, month, day] = parts.as_slice() else { return None };
+    let parts: Option<Vec<u32>> = text.split('-').map(|part| part.parse().ok()).collect();
+    let &[year, month, day] = parts.as_deref()? else { return None };
     Some((i32::try_from(year).unwrap_or(i32::MAX), month, day))
 }
 
@@ -248,7 +248,7 @@ impl Reader<'_> {
     }
 }
 
-/// The members of a sky that differ from the baked one.
+/// The members of a sky that differ from the map of the bake, not turned and at its own intensity.
 pub(super) fn members(sky: &SkySetting) -> Vec<String> {
     let members = [
         sky.file.as_ref().map(|file| format!("\"file\": {}", value(file))),
@@ -300,6 +300,7 @@ mod tests {
         for json in [
             r#"{"file": "a, \"b\".hdr", "rotation_deg": 30, "intensity": 0.5}"#,
             r#"{"rotation_deg": -12.5}"#,
+            "{}",
             r#"{"sun": {"azimuth_deg": 135.25, "elevation_deg": 40, "turbidity": 4, "intensity": 0.9}}"#,
             r#"{"sun": {"date": "2026-06-21", "time": "14:07", "utc_offset_h": 2, "latitude_deg": 48.1374,
                 "longitude_deg": 11.5755, "north_deg": 15}}"#,
@@ -323,6 +324,7 @@ mod tests {
             (r#"{"sun": {"azimuth_deg": 3, "elevation_deg": 91}}"#, "`sky.sun.elevation_deg`"),
             (r#"{"sun": {"date": "2026-13-01", "time": "10:00", "latitude_deg": 0, "longitude_deg": 0}}"#, "`sky.sun`"),
             (r#"{"sun": {"date": "today", "time": "10:00"}}"#, "`sky.sun.date`"),
+            (r#"{"sun": {"date": "2026-06-21-noon", "time": "10:00"}}"#, "`sky.sun.date`"),
             (r#"{"sun": {"date": "2026-01-01", "time": "25:00"}}"#, "`sky.sun.time`"),
             (r#"{"sun": {"date": "2026-01-01", "time": "9:00"}}"#, "`sky.sun.latitude_deg`"),
         ] {

@@ -174,7 +174,7 @@ impl Reader<'_> {
         let eases = Ease::ALL.map(|(ease, name, _)| (name, ease));
         let ease = self.optional(object, "ease", |r, v| r.by_name(v, eases))?.flatten().unwrap_or_default();
         let known = names.iter().map(|name| (*name, (*name).to_owned()));
-        if !object.contains_key("look") {
+        if object.get("look").is_none_or(Value::is_null) {
             return Err(lacks(self, "look"));
         }
         let look = self.optional(object, "look", |r, v| r.by_name(v, known))?.flatten();
@@ -266,6 +266,7 @@ mod tests {
         for (key, wanted) in [
             ("{\"look\": \"A\"}", "`timeline.keys[0].time` is missing"),
             ("{\"time\": 1}", "`timeline.keys[0].look` is missing"),
+            ("{\"time\": 1, \"look\": null}", "`timeline.keys[0].look` is missing"),
             ("{\"time\": -1, \"look\": \"A\"}", "line 2, column 32: `timeline.keys[0].time`"),
         ] {
             let error = Look::from_json(&of(key)).unwrap_err().to_string();

@@ -39,9 +39,10 @@ pub(super) fn lighting_members(lights: &LightRig, display: &Display, indent: &st
     if !panels.is_empty() {
         members.push(format!("{indent}\"panels\": {{\n{}\n{indent}}}", panels.join(",\n")));
     }
-    let sky = lights.sky.as_ref().map(super::sky::members).unwrap_or_default();
-    if !sky.is_empty() {
-        members.push(format!("{indent}\"sky\": {{ {} }}", sky.join(", ")));
+    if let Some(sky) = lights.sky.as_ref().map(super::sky::members) {
+        // One without members is not turned; without a word it would be as the bake turned it.
+        let sky = if sky.is_empty() { "{}".to_owned() } else { format!("{{ {} }}", sky.join(", ")) };
+        members.push(format!("{indent}\"sky\": {sky}"));
     }
     let lamps: Vec<String> =
         lights.lamps.iter().map(|lamp| format!("{indent}  {}", super::lamps::json(lamp))).collect();

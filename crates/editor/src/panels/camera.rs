@@ -242,7 +242,7 @@ fn degrees_ui(ui: &mut Ui, radians: &mut f32, range: std::ops::RangeInclusive<f3
     // Rounded first, and plus zero: there is but one zero.
     let words =
         |degrees: f64, _: std::ops::RangeInclusive<usize>| format!("{:.1}", (10.0 * degrees).round() / 10.0 + 0.0);
-    let number = Number::new(&mut degrees).speed(0.2).range(range).words(words).suffix("°");
+    let number = Number::new(&mut degrees).speed(0.2).range(range).leaves_what_is_outside().words(words).suffix("°");
     let response = ui.add(number);
     if response.changed() {
         *radians = degrees.to_radians();
@@ -258,8 +258,12 @@ fn lens_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
     ui.label("Focal length");
     let aspect = film.width as f32 / film.height as f32;
     let mut focal_mm = 0.5 * FILM_MM / ((0.5 * camera.yfov_rad).tan() * aspect);
-    let number = Number::new(&mut focal_mm).speed(0.1).range(2.0..=2000.0).max_decimals(1).suffix(" mm");
-    let response = ui.add(number).on_hover_text("On film 36 mm wide").accessible_name("Focal length");
+    // An angle of view may have one beyond that, which its own field tells.
+    let number = Number::new(&mut focal_mm).speed(0.1).range(2.0..=2000.0).leaves_what_is_outside();
+    let response = ui
+        .add(number.max_decimals(1).suffix(" mm"))
+        .on_hover_text("On film 36 mm wide")
+        .accessible_name("Focal length");
     if response.changed() {
         camera.yfov_rad = 2.0 * (0.5 * FILM_MM / (focal_mm * aspect)).atan();
     }

@@ -145,7 +145,8 @@ fn compensation_ui(ui: &mut Ui, compensation_ev: &mut f32) {
 
 fn exposure_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
     ui.spacing_mut().slider_width = (ui.available_width() - 78.0).max(60.0);
-    let mut ev = display.exposure_ev.unwrap_or(view.shown_ev);
+    let shown_ev = still_while_typed(ui, view.shown_ev);
+    let mut ev = display.exposure_ev.unwrap_or(shown_ev);
     let slider = Slider::new(&mut ev, view.metered_ev - EV_SPAN..=view.metered_ev + EV_SPAN)
         .clamping(SliderClamping::Never)
         .trailing_fill(false)
@@ -157,6 +158,18 @@ fn exposure_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
     if response.changed() {
         display.exposure_ev = Some(ev.clamp(-MOST_EV, MOST_EV));
     }
+}
+
+/// A number that goes by itself stands still while somebody types: a field whose number is another one gives up its text.
+fn still_while_typed(ui: &Ui, now: f32) -> f32 {
+    let (id, is_typed) = (ui.scope_id().with("still"), ui.text_edit_focused());
+    ui.data_mut(|data| {
+        let (kept, was_typed) = data.get_temp(id).unwrap_or((now, false));
+        // The text is taken in the frame in which the focus has gone.
+        let kept = if is_typed || was_typed { kept } else { now };
+        data.insert_temp(id, (kept, is_typed));
+        kept
+    })
 }
 
 fn white_rows(ui: &mut Ui, white: &mut Option<WhitePoint>) {
@@ -231,31 +244,39 @@ fn false_color_rows(ui: &mut Ui, false_color: &mut Option<FalseColor>, view: &Di
     }
 }
 
-/// Keeps what a look can hold: from a lower to a higher value, above 0 where the scale is logarithmic.
+/// Keeps what a look can hold: from a lower to a higher value, above 0 where the scale is logarithmic. A scale of a look that no hand would
+/// set stays until it is edited.
 fn range_row(ui: &mut Ui, false_color: &mut FalseColor, units: Units) {
+    let is_log = false_color.spacing == Spacing::Log;
     let Some([low, high]) = &mut false_color.range else { return };
     ui.label("Range");
-    ui.horizontal(|ui| {
+    let row = ui.horizontal(|ui| {
         let unit = match (false_color.quantity, units) {
             (Quantity::Luminance, Units::Relative) => String::new(),
             (quantity, _) => format!(" {}", quantity.unit()),
         };
         let number = |ui: &mut Ui, value: &mut f32, name: &str| {
             let speed = f64::from(value.abs().max(1e-3)) * 0.01;
-            let number = ui.add(Number::new(value).range(0.0..=1e9).speed(speed).suffix(unit.as_str()));
-            number.on_hover_text(format!("{name}; what lies outside takes the color of the end")).accessible_name(name)
+            let number =
+                Number::new(value).range(0.0..=1e9).leaves_what_is_outside().speed(speed).suffix(unit.as_str());
+            let hint = format!("{name}; what lies outside takes the color of the end");
+            ui.add(number).on_hover_text(hint).accessible_name(name)
         };
-        number(ui, low, "Scale from");
+        let from = number(ui, low, "Scale from");
         let to = number(ui, high, "Scale to");
         let before = before_drag(ui, &to, *low);
         if to.changed() {
             *low = before;
         }
+        from.changed() || to.changed()
     });
     ui.end_row();
-    *high = high.max(1e-6);
-    let least = if false_color.spacing == Spacing::Log { *high * 1e-6 } else { 0.0 };
-    *low = low.clamp(least, *high * 0.999);
+    let is_scale = *low < *high && (*low > 0.0 || !is_log);
+    if row.inner || !is_scale {
+        *high = high.max(1e-6);
+        let least = if is_log { *high * 1e-6 } else { 0.0 };
+        *low = low.clamp(least, *high * 0.999);
+    }
 }
 
 fn choice_ui<T: Copy + PartialEq>(ui: &mut Ui, salt: &str, chosen: &mut T, choices: &[Named<T>], label: egui::Id) {
@@ -267,4 +288,43 @@ fn choice_ui<T: Copy + PartialEq>(ui: &mut Ui, salt: &str, chosen: &mut T, choic
         }
     });
     combo.response.labelled_by(label);
+}
+
+#[cfg(test)]
+mod tests {
+    use eframe::egui::{Event, Key, Modifiers, Role, vec2};
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
+    use super::*;
+
+    #[test]
+    fn an_exposure_that_is_typed_while_the_picture_is_metered_is_taken() {
+        let panel = |ui: &mut Ui, (display, shown_ev): &mut (Display, f32)| {
+            let (units, lux_bake) = (Units::default(), LuxBake::default());
+            let (shown_ev, metered_ev) = (*shown_ev, *shown_ev);
+            let view = DisplayView { shown_ev, metered_ev, legend: None, units, has_illuminance: false, lux_bake };
+            display_ui(ui, display, &view, &mut Vec::new());
+        };
+        let state = (Display::default(), 1.0);
+        let mut window = Harness::builder().with_size(vec2(300.0, 600.0)).build_ui_state(panel, state);
+        let fields = window.get_all_by_role_and_label(Role::SpinButton, "Exposure");
+        let at = fields.last().unwrap().rect().center();
+        window.hover_at(at);
+        window.run_steps(2);
+        window.drag_at(at);
+        window.drop_at(at);
+        window.run_steps(3);
+        window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        window.run_steps(1);
+        for (key, shown_ev) in [("2", 1.5), (".", -3.0), ("5", 0.25)] {
+            window.event(Event::Text(key.to_owned()));
+            window.state_mut().1 = shown_ev;
+            window.run_steps(2);
+        }
+        assert_eq!(window.state().0.exposure_ev, None);
+        window.key_press(Key::Enter);
+        window.run_steps(3);
+        assert_eq!(window.state().0.exposure_ev, Some(2.5));
+    }
 }

@@ -99,7 +99,8 @@ pub fn sky_ui(ui: &mut Ui, view: &SkyView, rig: &mut LightRig, state: &mut SkySt
     heading.default_open(dome.is_some() && has_room).show(ui, |ui| {
         let Some((key, divisions)) = dome else { return missing_ui(ui, view, state, actions) };
         let Some(light) = view.basis.sky_light(rig) else { return };
-        let before = rig.sky.clone().unwrap_or_default();
+        let as_baked = view.basis.sky_as_baked();
+        let before = rig.sky.clone().unwrap_or_else(|| as_baked.clone());
         let shown = state.wanted.clone().unwrap_or_else(|| before.clone());
         let mut sky = shown.clone();
         kind_ui(ui, view, (&mut sky, &light), actions);
@@ -125,7 +126,7 @@ pub fn sky_ui(ui: &mut Ui, view: &SkyView, rig: &mut LightRig, state: &mut SkySt
             } else {
                 // A map that is not made anew is the one that is there.
                 let sky = SkySetting { map: before.map, ..sky };
-                (rig.sky, state.wanted) = (Some(sky).filter(|sky| *sky != SkySetting::default()), None);
+                (rig.sky, state.wanted) = (Some(sky).filter(|sky| *sky != as_baked), None);
             }
         }
     });

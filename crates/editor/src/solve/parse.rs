@@ -4,6 +4,8 @@
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
 #![cfg_attr(not(test), deny(clippy::cast_possible_truncation, clippy::cast_sign_loss))]
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -24,7 +26,7 @@ const MAX_BYTES: u64 = 1 << 20;
 /// A file of wishes.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+struct WishFile {
     wishes: Vec<Entry>,
     lights: Option<Vec<String>>,
     factor: Option<[f64; 2]>,
@@ -62,33 +64,37 @@ pub struct Surroundings<'a> {
     pub seen: Option<(&'a PreparedScene, &'a Seen)>,
 }
 
-/// Reads wishes, and pictures that they name beside the file.
+/// Reads the wishes of a file with some text, and pictures that they name beside it.
 ///
 /// # Errors
 /// Names the wish that is no wish, and what would be one.
-pub fn read(path: &Path, of: &Surroundings) -> Result<Request> {
-    let text = text_of(path)?;
-    request(&text, path.parent().unwrap_or(Path::new("")), of).with_context(|| format!("cannot use {}", path.display()))
+pub fn read(path: &Path, text: &str, of: &Surroundings) -> Result<Request> {
+    request(text, path.parent().unwrap_or(Path::new("")), of).with_context(|| format!("cannot use {}", path.display()))
 }
 
-/// The pictures that a file of wishes names, where they lie.
+/// The pictures that a file of wishes with some text names, where they lie.
 ///
 /// # Errors
 /// As [`read`].
-pub fn pictures(path: &Path) -> Result<Vec<PathBuf>> {
-    let file = file_of(&text_of(path)?).with_context(|| format!("cannot use {}", path.display()))?;
+pub fn pictures(path: &Path, text: &str) -> Result<Vec<PathBuf>> {
+    let file = file_of(text).with_context(|| format!("cannot use {}", path.display()))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     Ok(file.wishes.into_iter().filter_map(|entry| Some(folder.join(entry.picture?))).collect())
 }
 
-fn text_of(path: &Path) -> Result<String> {
-    let name = path.display();
-    let n_bytes = std::fs::metadata(path).with_context(|| format!("cannot read {name}: check the path"))?.len();
-    ensure!(n_bytes <= MAX_BYTES, "{name} is too large for a file of wishes");
-    std::fs::read_to_string(path).with_context(|| format!("cannot read {name}"))
+/// The text of a file of wishes, which a pipe gives but once.
+///
+/// # Errors
+/// If it cannot be read, or is too long.
+pub fn text_of(path: &Path) -> Result<String> {
+    let (name, mut text) = (path.display(), String::new());
+    let file = File::open(path).with_context(|| format!("cannot read {name}: check the path"))?;
+    file.take(MAX_BYTES + 1).read_to_string(&mut text).with_context(|| format!("cannot read {name}"))?;
+    ensure!(text.len() as u64 <= MAX_BYTES, "{name} is too large for a file of wishes");
+    Ok(text)
 }
 
-fn file_of(text: &str) -> Result<File> {
+fn file_of(text: &str) -> Result<WishFile> {
     serde_json::from_str(unmarked(text)).context("it is no file of wishes; see the example in docs/cli.md")
 }
 

@@ -350,6 +350,35 @@ fn what_a_second_window_left_is_offered_once_that_of_the_first_is_saved() {
 }
 
 #[test]
+fn who_takes_back_what_was_recovered_does_not_save_over_its_file() {
+    let home = tempfile::tempdir().unwrap();
+    let evening = home.path().join("evening.look");
+    let mut window = ready_of(home.path());
+    click(&mut window, "Mute lamp");
+    save_as(&mut window, "Save look…", &evening);
+    let saved = std::fs::read_to_string(&evening).unwrap();
+    click(&mut window, "Mute panel");
+    let changed = window.state().look().clone();
+    let is_kept = |text: String| text.contains("panel");
+    wait(&mut window, |_| std::fs::read_to_string(home.path().join("unsaved/0.json")).is_ok_and(is_kept));
+    drop(window);
+
+    let mut window = ready_of(home.path());
+    click(&mut window, "Recover");
+    assert_eq!(*window.state().look(), changed);
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), Look::default());
+    window.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    window.run_steps(3);
+    assert_eq!(std::fs::read_to_string(&evening).unwrap(), saved);
+    click(&mut window, "Cancel");
+    click(&mut window, "Redo");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    window.run_steps(3);
+    assert!(std::fs::read_to_string(&evening).unwrap().contains("panel"));
+}
+
+#[test]
 fn two_editors_on_one_scene_keep_their_work_apart() {
     let home = tempfile::tempdir().unwrap();
     let open = || room_of(home.path());
@@ -1341,6 +1370,22 @@ fn a_scene_that_comes_waits_until_the_look_before_it_is_saved() {
     click(&mut window, "Save");
     wait(&mut window, |app| name_of_open(app) == Some("gallery.glb"));
     assert!(std::fs::read_to_string(&look).unwrap().contains("muted"));
+}
+
+#[test]
+fn a_scene_that_comes_waits_until_the_file_of_the_one_before_it_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, picture) = (gallery(folder.path()), folder.path().join("room.png"));
+    let mut window = baked();
+    drop_all(&mut window, &[&path]);
+    assert_is_opening(&window);
+    ask_for(&mut window, "Export…", &picture);
+    wait(&mut window, |app| app.session().has_arrived() || !app.session().is_opening());
+    assert_is_opening(&window);
+    click(&mut window, "Save");
+    wait(&mut window, |app| name_of_open(app) == Some("gallery.glb"));
+    wait(&mut window, |_| picture.exists());
+    assert_eq!(image::image_dimensions(&picture).unwrap(), (64, 48));
 }
 
 #[test]

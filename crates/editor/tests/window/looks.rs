@@ -1267,6 +1267,16 @@ fn no_key_is_chosen_that_nobody_touched() {
     delete(&mut window);
     assert_eq!(n_keys(&window), 2);
 
+    // Nor is the one that comes to stand where that of a look stood which is deleted.
+    window.query_all_by_label_contains("Key 1: Look at").next().unwrap().click();
+    window.run_steps(3);
+    context_menu(&mut window, "Look Look", "Delete");
+    assert_eq!(n_keys(&window), 1);
+    delete(&mut window);
+    assert_eq!(n_keys(&window), 1);
+    click(&mut window, "Undo");
+    assert_eq!(n_keys(&window), 2);
+
     // Nor is one of a look that is opened.
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("two.look");

@@ -176,6 +176,21 @@ fn the_camera_takes_angles_and_lenses_with_a_point_and_leaves_what_was_not_typed
 }
 
 #[test]
+fn an_angle_of_view_stays_as_it_is_typed_whatever_focal_length_that_is() {
+    let mut window = baked();
+    click(&mut window, "Numbers");
+    // 1.8 mm, less than can be typed as one.
+    for degrees in [165.0f32, 60.0] {
+        type_over(&mut window, "Field of view", &degrees.to_string());
+        let found = window.state().camera().unwrap().yfov_rad.to_degrees();
+        assert!((found - degrees).abs() < 1e-3, "{found}");
+    }
+    type_over(&mut window, "Focal length", "0.5");
+    let focal_mm = 13.5 / (0.5 * window.state().camera().unwrap().yfov_rad).tan();
+    assert!((focal_mm - 2.0).abs() < 1e-3, "what is typed is brought in: {focal_mm}");
+}
+
+#[test]
 fn a_bookmark_has_another_name_once_it_is_typed_and_no_two_have_the_same() {
     let mut window = baked();
     for yaw in ["10", "20"] {
@@ -301,6 +316,7 @@ fn numbers_of_a_look_that_no_hand_would_set_stay() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bright.look");
     let json = r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 2e6}},
+        "display": {"false_color": {"quantity": "luminance", "range": [1e-5, 1e10]}},
         "wishes": {"keep": 0, "list": [{"name": "bright", "cd_m2": 2e6, "weight": 500}]}}"#;
     std::fs::write(&path, json).unwrap();
     let mut window = baked();
@@ -312,6 +328,11 @@ fn numbers_of_a_look_that_no_hand_would_set_stay() {
     let wishes = &window.state().look().wishes;
     assert_eq!((wishes.keep, wishes.list[0].weight), (0.0, 500.0));
     assert_eq!(wishes.list[0].wanted, Wanted::Luminance(2e6));
+    let range = |window: &Window| window.state().look().display.false_color.unwrap().range.unwrap();
+    assert_eq!(range(&window), [1e-5, 1e10]);
+    type_over(&mut window, "Scale to", "1000");
+    let [low, high] = range(&window);
+    assert!(high == 1000.0 && (low - 1e-3).abs() < 1e-6, "what is edited can be told apart: {low} {high}");
 }
 
 #[test]

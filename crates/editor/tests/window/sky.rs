@@ -197,6 +197,26 @@ fn a_sky_that_was_turned_is_marked_in_the_list_and_reset_there() {
 }
 
 #[test]
+fn a_sky_that_was_baked_turned_keeps_its_turn_where_the_look_names_none() {
+    let mut window = under_the_sky();
+    type_over(&mut window, "Turn of the sky", "30");
+    settle(&mut window);
+    click(&mut window, "Bake this sky");
+    let turn = |app: &clerestory::app::App| Some(app.session().basis()?.sky.as_ref()?.rotation_deg);
+    wait(&mut window, |app| turn(app) == Some(30.0));
+    settle(&mut window);
+    choose(&mut window, "Kind of sky", "As baked");
+    assert_eq!(window.state().look().lights.sky, None, "it is as baked");
+    type_over(&mut window, "Intensity of the sky", "2");
+    settle(&mut window);
+    assert_eq!((sky(&window).rotation_deg, sky(&window).intensity), (30.0, 2.0));
+    type_over(&mut window, "Intensity of the sky", "1");
+    type_over(&mut window, "Turn of the sky", "0");
+    settle(&mut window);
+    assert_eq!(window.state().look().lights.sky, Some(SkySetting::default()), "it is turned back");
+}
+
+#[test]
 fn a_preset_dims_the_sky_that_was_chosen() {
     let mut window = under_the_sky();
     let chosen = sky(&window);

@@ -232,6 +232,25 @@ fn half_done_bakes_of_older_programs_are_taken_up() {
 }
 
 #[test]
+fn a_bake_under_way_in_another_scale_is_started_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.transport");
+    let (header, blocks) = part_of_fixture(&part_of(&path));
+    let n_kept = |header: &BakeHeader| {
+        let (mut under_way, half_done) = UnderWay::beside(&path).unwrap();
+        assert_eq!(half_done.unwrap().blocks.len(), blocks.len());
+        let header = Arc::new(header.clone());
+        under_way.heed(&BakeEvent::Started { header, n_blocks: blocks.len(), n_passes: 1 }).unwrap();
+        drop(under_way);
+        part_state(&part_of(&path)).unwrap().n_done
+    };
+    assert_eq!(n_kept(&header), blocks.len());
+    let mut other = header.clone();
+    other.column_scale[0] *= 2.0;
+    assert_eq!(n_kept(&other), 0, "its blocks would be half as bright");
+}
+
+#[test]
 fn two_bakes_to_one_file_do_not_meet() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.part");

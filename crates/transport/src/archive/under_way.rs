@@ -69,11 +69,11 @@ impl UnderWay {
         }
     }
 
-    /// Goes on behind the records of the same bake; those of another one go.
+    /// Goes on behind the records of the same bake; those of another one go, and those of columns in another scale.
     fn begin(&mut self, header: &Arc<BakeHeader>) -> Result<(), ArchiveError> {
         let Some(file) = self.file.take() else { return Ok(()) };
         let end = match self.found.take() {
-            Some((found, end)) if difference(&found, header).is_none() => end,
+            Some((found, end)) if difference(&found, header).is_none() && is_in_scale_of(&found, header) => end,
             _ => {
                 self.kept.clear();
                 let bytes = header_bytes(MAGIC, header, Blocks::Plain);
@@ -100,6 +100,12 @@ impl UnderWay {
             part.remove();
         }
     }
+}
+
+/// Whether two bakes of the same thing have their columns in one scale: what takes some over from an earlier bake measures the others alone.
+fn is_in_scale_of(found: &BakeHeader, header: &BakeHeader) -> bool {
+    let of_sets = found.irradiance.iter().map(|set| &set.column_scale);
+    found.column_scale == header.column_scale && of_sets.eq(header.irradiance.iter().map(|set| &set.column_scale))
 }
 
 fn start_over(mut file: &File, bytes: &[u8]) -> std::io::Result<()> {

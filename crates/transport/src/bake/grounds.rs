@@ -8,7 +8,7 @@ use super::{BakeHeader, BakeJob};
 use crate::basis::LightBasis;
 use crate::camera::Camera;
 use crate::emitters::{Emitter, Lighting, ShiningTriangle};
-use crate::fingerprint::{digest, of_surfaces, of_surfaces_without, of_texture};
+use crate::fingerprint::{digest, is_of_surfaces, of_surfaces, of_surfaces_without, of_texture};
 use crate::irradiance::IrradianceRows;
 use crate::prepared::PreparedScene;
 use crate::reach::shut_out;
@@ -33,7 +33,7 @@ pub struct Grounds {
 }
 
 /// Raised whenever the same scene and settings give other bytes than before.
-const REVISION: u32 = 3;
+const REVISION: u32 = 4;
 
 /// Before the hash of a lamp without strength in its file: its columns may never have been traced.
 const OFF: &str = "off-";
@@ -91,7 +91,7 @@ impl BakeHeader {
         let is_it =
             |camera: &&Camera| names.iter().any(|name| hash_of_view(&camera.called(name), size) == grounds.view);
         let mut cameras = self.view.iter().chain(Camera::named(&scene.cameras, &self.camera)).chain(&scene.cameras);
-        cameras.find(is_it).filter(|_| grounds.surfaces == of_surfaces(scene))
+        cameras.find(is_it).filter(|_| is_of_surfaces(scene, &grounds.surfaces))
     }
 
     /// Whether the light of that name shines in a scene as it does in the bake: from there, spread like that, as strong and of that color.

@@ -288,6 +288,10 @@ impl Run<'_> {
                 let go_on = || on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None });
                 let nodes = self.nodes.take().or_else(|| Nodes::gather(self.matrix, plan, go_on));
                 let Some(nodes) = nodes else { return Ok(ControlFlow::Break(())) };
+                // The preview of the picture sends no walks to mirrors and glass: its nodes have that light already.
+                if nodes.holds_caustics {
+                    matrix = matrix.unguided();
+                }
                 let scales = matrix.column_scale().iter().zip(self.matrix.column_scale());
                 let ratios: Vec<f32> = scales.map(|(own, of_picture)| own / of_picture).collect();
                 Some(SharedMatrix { matrix: &matrix, nodes: nodes.scaled(&ratios) })

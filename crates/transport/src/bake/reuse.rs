@@ -167,8 +167,12 @@ impl BakeJob {
         };
         let Some(of_new) = job.header_toward(focus)?.map(Arc::new) else { return Ok(None) };
         let header = Arc::new(reuse.header_with(Some(&of_new)));
+        // A bake that took over other columns, or none, measured those that are new now beside others.
+        let new_columns = reuse.n_kept_columns()..reuse.n_kept_columns() + of_new.basis.n_cols();
+        let is_in_scale =
+            |begun: &HalfDone| begun.header.column_scale.get(new_columns.clone()) == Some(&of_new.column_scale[..]);
         let begun = begun
-            .filter(|begun| begun.header.basis.is_alike(&header.basis))
+            .filter(|begun| begun.header.basis.is_alike(&header.basis) && is_in_scale(begun))
             .map_or_else(Vec::new, |begun| begun.blocks);
         let n_kept = reuse.parts.len();
         let of_new_alone = |(number, factors): (usize, Vec<Arc<BlockFactors>>)| {

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::{LightBasis, LightSource, SourceKind};
 use crate::light::{LightRig, LightSetting};
-use crate::sky::{Dome, SkyLight};
+use crate::sky::{Dome, SkyLight, SkySetting};
 
 /// Angle in radians, a quarter of its radius, by which a sun may have moved and still have its own column.
 const SAME_SUN_RAD: f32 = 1e-3;
@@ -20,6 +20,13 @@ impl LightBasis {
             Some(setting) => setting.light(self.sky.as_ref()),
             None => self.sky.clone(),
         }
+    }
+
+    /// The baked sky as a rig would say it that names none: turned and dimmed as it was baked.
+    pub fn sky_as_baked(&self) -> SkySetting {
+        let baked = self.sky.as_ref().map(|sky| (sky.rotation_deg, sky.intensity));
+        let (rotation_deg, intensity) = baked.unwrap_or((0.0, 1.0));
+        SkySetting { rotation_deg, intensity, ..SkySetting::default() }
     }
 
     /// Whether the sun of a sky stands where this basis has a column for it.

@@ -55,14 +55,16 @@ impl Camera {
     /// looks too steeply for that stays as it is.
     pub fn upright(&self) -> Camera {
         let half_height = (0.5 * self.yfov_rad).tan();
-        let pose = Pose::of(self);
-        let elevation = pose.pitch_rad + (2.0 * self.shift[1] * half_height).atan();
-        let up = elevation.tan() / (2.0 * half_height);
-        if elevation.abs() > STEEPEST_RAD || up.abs() > Camera::MOST_SHIFT {
-            return self.clone();
-        }
-        let level = self.posed(&Pose { pitch_rad: 0.0, roll_rad: 0.0, ..pose });
-        Camera { shift: [self.shift[0], up], ..level }
+        let half_width = half_height * self.aspect;
+        let level = self.posed(&Pose { pitch_rad: 0.0, roll_rad: 0.0, ..Pose::of(self) });
+        // Where the middle of the picture lies, as the level camera has it.
+        let middle = Vec3::new(2.0 * self.shift[0] * half_width, 2.0 * self.shift[1] * half_height, -1.0);
+        let middle = self.world_from_camera.transform_vector3(middle);
+        let middle = level.world_from_camera.inverse().transform_vector3(middle);
+        let shift = [middle.x / half_width, middle.y / half_height].map(|aside| aside / (-2.0 * middle.z));
+        let is_within = shift.iter().all(|part| part.abs() <= Camera::MOST_SHIFT);
+        let is_steep = middle.y.atan2(-middle.z).abs() > STEEPEST_RAD;
+        if is_within && !is_steep { Camera { shift, ..level } } else { self.clone() }
     }
 }
 
@@ -95,6 +97,29 @@ mod tests {
         let px = Vec2::new(3.0, 9.0);
         let film = Film { width: 20, height: 20 };
         assert!(again.direction(film, px).distance(down.direction(film, px)) < 1e-3);
+    }
+
+    #[test]
+    fn an_upright_camera_keeps_its_middle_where_the_lens_was_shifted_or_the_camera_leaned() {
+        let film = Film { width: 160, height: 90 };
+        let middle = Vec2::new(80.0, 45.0);
+        let posed = |pitch_rad: f32, roll_rad: f32, shift: [f32; 2]| {
+            let camera = Camera::look_at("c", Vec3::ZERO, Vec3::X, 0.9, 16.0 / 9.0);
+            let pose = Pose { position: Vec3::new(2.0, 1.6, 5.0), yaw_rad: 0.7, pitch_rad, roll_rad };
+            Camera { shift, ..camera.posed(&pose) }
+        };
+        for camera in [posed(0.5, 0.0, [0.25, 0.0]), posed(-0.4, 0.0, [-0.3, 0.2]), posed(0.3, 0.4, [0.2, -0.1])] {
+            let upright = camera.upright();
+            assert!(Pose::of(&upright).pitch_rad.abs() < 1e-6 && Pose::of(&upright).roll_rad.abs() < 1e-6);
+            let [before, after] = [&camera, &upright].map(|camera| camera.direction(film, middle));
+            assert!(before.distance(after) < 1e-5, "{before} is not {after}");
+        }
+        // By hand: at a pitch of 30° what lies on the axis is nearer by the cosine along the level one.
+        let upright = posed(30f32.to_radians(), 0.0, [0.25, 0.0]).upright();
+        let expected = [0.25 / 0.866_025, 0.577_350 / (2.0 * 0.45f32.tan())];
+        for (found, expected) in upright.shift.into_iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-5, "{found} is not {expected}");
+        }
     }
 
     #[test]

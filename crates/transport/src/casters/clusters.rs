@@ -56,14 +56,16 @@ impl Cluster {
         (triangle, a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v))
     }
 
-    /// A direction from a place into the cone around the ball, all of them alike; `None` from within.
+    /// A direction from a place into the cone around the ball, all of them alike; `None` from within, and where rounding carries it
+    /// over the rim: what has no density there must not be drawn, or it would count as if chance alone had found it.
     pub(super) fn direction(&self, from: Vec3, [u, v]: [f32; 2]) -> Option<Vec3> {
         let (axis, one_minus_cos) = self.cone(from)?;
         let below = u * one_minus_cos;
         let sin = (below * (2.0 - below)).max(0.0).sqrt();
         let (tangent, bitangent) = axis.any_orthonormal_pair();
         let (y, x) = (std::f32::consts::TAU * v).sin_cos();
-        Some(((tangent * x + bitangent * y) * sin + axis * (1.0 - below)).normalize())
+        let direction = ((tangent * x + bitangent * y) * sin + axis * (1.0 - below)).normalize();
+        (self.pdf(from, direction) > 0.0).then_some(direction)
     }
 
     /// Density per solid angle of that.
@@ -244,12 +246,9 @@ mod tests {
         for radius in [1e-3, 0.3, 1.9] {
             let cluster = ball(radius);
             let drawn = |i: u64| cluster.direction(Vec3::ZERO, [uniform_hash(2 * i), uniform_hash(2 * i + 1)]);
-            let n_outside = (0..4096).filter(|&i| {
-                let direction = drawn(i).expect("the place is outside");
-                assert!((direction.length() - 1.0).abs() < 1e-5);
-                cluster.pdf(Vec3::ZERO, direction) == 0.0
-            });
-            assert!(n_outside.count() < 8, "{radius}: but for rounding all directions have a density");
+            let directions: Vec<Vec3> = (0..4096).filter_map(drawn).collect();
+            assert!(directions.len() > 4088, "{radius}: but for rounding all directions are in the cone");
+            assert!(directions.iter().all(|direction| (direction.length() - 1.0).abs() < 1e-5));
             // The density is one over the solid angle of the cap.
             let cos = (1.0 - f64::from(radius).powi(2) / 4.0).sqrt();
             let solid_angle = std::f64::consts::TAU * (1.0 - cos);
@@ -258,5 +257,18 @@ mod tests {
         }
         assert_eq!(ball(3.0).direction(Vec3::ZERO, [0.5; 2]), None);
         assert_eq!(ball(3.0).pdf(Vec3::ZERO, Vec3::Z), 0.0);
+    }
+
+    #[test]
+    fn every_direction_to_a_small_ball_far_away_has_a_density() {
+        let toward = Vec3::new(0.5, 0.3, 0.8).normalize();
+        for (distance, radius) in [(10.0, 1e-3), (100.0, 1e-3), (1000.0, 0.01)] {
+            let cluster = Cluster { center: toward * distance, radius, area: 1.0, pieces: Vec::new() };
+            let drawn = |i: u64| cluster.direction(Vec3::ZERO, [uniform_hash(2 * i), uniform_hash(2 * i + 1)]);
+            let directions: Vec<Vec3> = (0..4096).filter_map(drawn).collect();
+            assert!(directions.len() > 4000, "{distance} m away {} of 4096 are in the cone", directions.len());
+            let has_density = |direction: &Vec3| cluster.pdf(Vec3::ZERO, *direction) > 0.0;
+            assert!(directions.iter().all(has_density), "{distance} m away");
+        }
     }
 }

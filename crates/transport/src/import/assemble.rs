@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::DMat4;
-use gltf::json::mesh::Mode;
+use gltf::json::mesh::{Mode, MorphTarget};
 use gltf::json::validation::Checked;
 use gltf::json::{self, Node, Root};
 use rayon::prelude::*;
@@ -224,7 +224,8 @@ impl Load {
         for primitive in &mesh.primitives {
             let of = |index: usize| reader.n_elements(index);
             let attributes = primitive.attributes.values().map(|index| of(index.value()));
-            let targets = primitive.targets.iter().flatten().flat_map(|target| [target.positions, target.normals]);
+            let of_target = |target: &MorphTarget| [target.positions, target.normals, target.tangents];
+            let targets = primitive.targets.iter().flatten().flat_map(of_target);
             let targets = targets.flatten().map(|index| of(index.value()));
             let n_vertices = attributes.clone().max().unwrap_or(0);
             let n_corners = primitive.indices.map_or(n_vertices, |index| of(index.value()));

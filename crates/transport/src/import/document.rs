@@ -104,6 +104,7 @@ pub(super) fn read(name: &str, text: &[u8], notes: &mut Notes) -> Result<Documen
     let items = |key: &str| value.get(key).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
     let n_animations = items("animations").len();
     let skins = items("skins").iter().map(|skin| Skin::deserialize(skin).ok()).collect();
+    note_lost_displacements(&value, notes);
     mend(&mut value);
     let root = Root::deserialize(&value).map_err(|error| broken(located(&value, error)))?;
     Ok(Document { root, n_animations, skins })
@@ -160,6 +161,33 @@ fn whole(number: &Number) -> Option<u64> {
 
 /// Up to here a float has every whole number.
 const MOST_WHOLE: f64 = (1_u64 << 53) as f64;
+
+/// Tells of morph targets with weight that displace texture coordinates or colors, for which the model has no room.
+fn note_lost_displacements(root: &Value, notes: &mut Notes) {
+    let mut weighted = BTreeSet::new();
+    let mut weigh = |mesh: usize, weights: &Value| {
+        let has_weight = |weight: &Value| weight.as_f64().is_some_and(|weight| weight != 0.0);
+        let targets = items_of(weights).enumerate().filter(|(_, weight)| has_weight(weight));
+        weighted.extend(targets.map(|(target, _)| (mesh, target)));
+    };
+    items_of(&root["meshes"]).enumerate().for_each(|(index, mesh)| weigh(index, &mesh["weights"]));
+    for node in items_of(&root["nodes"]) {
+        if let Some(mesh) = node["mesh"].as_u64().and_then(|mesh| usize::try_from(mesh).ok()) {
+            weigh(mesh, &node["weights"]);
+        }
+    }
+    let is_lost = |key: &String| key.starts_with("TEXCOORD_") || key.starts_with("COLOR_");
+    for (index, mesh) in items_of(&root["meshes"]).enumerate() {
+        let loses = |(target, displaced): (usize, &Value)| {
+            weighted.contains(&(index, target)) && displaced.as_object().is_some_and(|all| all.keys().any(is_lost))
+        };
+        if items_of(&mesh["primitives"]).any(|primitive| items_of(&primitive["targets"]).enumerate().any(loses)) {
+            let name = mesh["name"].as_str().map(str::to_owned);
+            let name = called("mesh", index, name.as_ref());
+            notes.unsupported(format!("{name}: its morph targets leave texture coordinates and colors as they are"));
+        }
+    }
+}
 
 fn mend(root: &mut Value) {
     for (path, name) in UNREAD {

@@ -149,7 +149,7 @@ impl Converter<'_> {
         }
         let plain = Finish::default();
         finish.iridescence_texture = self.linear(source.iridescence_texture.as_ref(), name);
-        finish.film_ior = self.ior(source.iridescence_ior.unwrap_or(plain.film_ior), name);
+        finish.film_ior = self.index_of_refraction(source.iridescence_ior.unwrap_or(plain.film_ior), name);
         let least = source.iridescence_thickness_minimum.unwrap_or(plain.film_thickness_nm[0]);
         let most = source.iridescence_thickness_maximum.unwrap_or(plain.film_thickness_nm[1]);
         finish.film_thickness_nm = self.positive_factors([least, most], 0.0, name, "iridescence thickness");

@@ -146,16 +146,17 @@ impl Vertices {
             let uvs =
                 optional(accessor_of(Semantic::TexCoords(set as u32)), |a| reader.floats::<2>(a, Integers::AsDeclared));
             if checked("texture coordinates", length(&uvs)) {
-                let finite = |uv: [f32; 2]| Some(Vec2::from(uv)).filter(|uv| uv.is_finite()).unwrap_or_default();
-                self.uvs[set] = uvs.unwrap_or_default().into_iter().map(finite).collect();
+                self.uvs[set] = uvs.unwrap_or_default().into_iter().map(Vec2::from).collect();
             }
         }
         let colors = optional(accessor_of(Semantic::Colors(0)), |a| reader.colors(a));
         if checked("vertex colors", length(&colors)) {
-            let finite = |color: [f32; 4]| {
-                Some(Vec4::from(color)).filter(|color| color.is_finite()).unwrap_or(Vec4::ONE).max(Vec4::ZERO)
-            };
-            self.colors = colors.unwrap_or_default().into_iter().map(finite).collect();
+            self.colors = colors.unwrap_or_default().into_iter().map(Vec4::from).collect();
+        }
+        let n_odd = self.mend_numbers();
+        if n_odd > 0 {
+            let odd = format!("{n_odd} texture coordinates and colors are not finite");
+            notes.warn(format!("{}: {odd}: 0 and white stand for them", job.name));
         }
         for (set, _) in job.uv_sets.iter().enumerate().filter(|(_, places_textures)| **places_textures) {
             if accessor_of(Semantic::TexCoords(set as u32)).is_none() {
@@ -171,23 +172,52 @@ impl Vertices {
         }
     }
 
-    /// Adds the weighted morph targets, as the file's default weights ask.
+    /// Holds colors to 0 … 1 and gives texture coordinates and colors that are not finite a value; how many these are.
+    fn mend_numbers(&mut self) -> usize {
+        let mut n_odd = 0_usize;
+        for uv in self.uvs.iter_mut().flatten().filter(|uv| !uv.is_finite()) {
+            *uv = Vec2::ZERO;
+            n_odd = n_odd.saturating_add(1);
+        }
+        for color in &mut self.colors {
+            if !color.is_finite() {
+                *color = Vec4::ONE;
+                n_odd = n_odd.saturating_add(1);
+            }
+            // They end at 1 by themselves, whatever they multiply. [glTF2, §3.7.2.1]
+            *color = color.clamp(Vec4::ZERO, Vec4::ONE);
+        }
+        n_odd
+    }
+
+    /// Adds the weighted morph targets, as the file's default weights ask. Handedness of tangents stays.
     fn morph(&mut self, reader: &Reader, job: &Job, notes: &mut Notes) {
+        let n_vertices = self.positions.len();
         for (target, &weight) in job.primitive.targets.iter().flatten().zip(job.weights) {
             if weight == 0.0 || !weight.is_finite() {
                 continue;
             }
-            let mut add =
-                |accessor: Option<Index<Accessor>>, to: &mut [Vec3]| match optional(accessor.map(|a| a.value()), |a| {
-                    reader.floats::<3>(a, Integers::AsDeclared)
-                }) {
-                    Ok(deltas) => {
-                        to.iter_mut().zip(deltas).for_each(|(value, delta)| *value += weight * Vec3::from(delta));
+            let mut read = |accessor: Option<Index<Accessor>>| -> Vec<Vec3> {
+                let deltas = optional(accessor.map(|a| a.value()), |a| reader.floats::<3>(a, Integers::AsDeclared));
+                let reason = match deltas {
+                    Ok(deltas) if deltas.is_empty() || deltas.len() == n_vertices => {
+                        return deltas.into_iter().map(|delta| weight * Vec3::from(delta)).collect();
                     }
-                    Err(reason) => notes.warn(format!("{}: {reason}: a morph target is ignored", job.name)),
+                    Ok(deltas) => format!("{} displacements for {n_vertices} vertices", deltas.len()),
+                    Err(reason) => reason,
                 };
-            add(target.positions, &mut self.positions);
-            add(target.normals, &mut self.normals);
+                notes.warn(format!("{}: {reason}: a morph target is ignored", job.name));
+                Vec::new()
+            };
+            self.positions.iter_mut().zip(read(target.positions)).for_each(|(value, delta)| *value += delta);
+            // What a primitive does not have cannot be displaced.
+            if !self.normals.is_empty() {
+                self.normals.iter_mut().zip(read(target.normals)).for_each(|(value, delta)| *value += delta);
+            }
+            if !self.tangents.is_empty() {
+                let deltas = read(target.tangents);
+                self.tangents.iter_mut().zip(deltas).for_each(|(value, delta)| *value += delta.extend(0.0));
+            }
         }
     }
 
@@ -359,7 +389,12 @@ fn assemble(job: &Job, vertices: Vertices, triangles: Vec<[u32; 3]>, built: &mut
     if let Some(tangent_map) = job.tangent_map {
         // Tangents of a file belong to its normals: without these they are computed, as glTF asks.
         if has_normals && !vertices.tangents.is_empty() {
-            mesh.tangents = tangents::orthonormalized(vertices.tangents, &mesh.normals);
+            let (completed, n_computed) = tangents::completed(&mesh, &vertices.tangents, tangent_map);
+            mesh.tangents = completed;
+            if n_computed > 0 {
+                let lost = format!("{n_computed} tangents have no direction across their normals");
+                built.notes.warn(format!("{}: {lost}: they are computed instead", job.name));
+            }
         } else {
             tangents::compute(&mut mesh, tangent_map);
         }

@@ -120,10 +120,12 @@ impl Converter<'_> {
     }
 
     /// At least 1, but for glTF's 0, which stands for a reflectance of 1 at every angle.
-    pub(super) fn ior(&mut self, ior: f32, name: &str) -> f32 {
-        if ior == 0.0 {
-            return FULLY_REFLECTING_IOR;
-        }
+    fn ior(&mut self, ior: f32, name: &str) -> f32 {
+        if ior == 0.0 { FULLY_REFLECTING_IOR } else { self.index_of_refraction(ior, name) }
+    }
+
+    /// At least 1; what is not is reported.
+    pub(super) fn index_of_refraction(&mut self, ior: f32, name: &str) -> f32 {
         let sane = if ior.is_finite() { ior.max(1.0) } else { 1.5 };
         if sane != ior {
             self.notes.warn(format!("{name}: its index of refraction {ior} is out of range: {sane} is used"));
@@ -137,7 +139,11 @@ impl Converter<'_> {
         material.attenuation_color = Vec3::from(self.unit_factors(color, 1.0, name, "attenuation color"));
         material.attenuation_distance = match volume.attenuation_distance.0 {
             distance if distance > 0.0 => distance,
-            _ => f32::INFINITY,
+            distance => {
+                let words = format!("its attenuation distance {distance} is out of range: nothing is attenuated");
+                self.notes.warn(format!("{name}: {words}"));
+                f32::INFINITY
+            }
         };
         if volume.thickness_texture.is_some() && material.thickness > 0.0 {
             self.notes.unsupported(format!("{name}: its thickness texture is ignored, as the shape itself is traced"));

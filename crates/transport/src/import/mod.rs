@@ -414,9 +414,13 @@ fn add_nodes(
         }
         scene.punctual.extend(match measured {
             Some(instance) => {
-                let bare = lamps::white_point(placed, node_idx);
+                let (has_plain, bare) = (plain.is_some(), lamps::white_point(placed, node_idx));
                 let line_name = called("node", index, node.name.as_ref());
-                profiles.lamp(instance, plain, bare, &line_name, notes)
+                let lamp = profiles.lamp(instance, plain, bare, &line_name, notes);
+                if !has_plain && lamp.as_ref().is_some_and(|lamp| lamp.profile.is_none()) {
+                    scene.substitute_lamps.insert(node_idx);
+                }
+                lamp
             }
             None => plain,
         });

@@ -8,18 +8,37 @@ use glam::{Vec2, Vec3, Vec4};
 
 use crate::scene::{Mesh, TextureRef};
 
-/// Tangents of a file made unit and orthogonal to the normals.
-pub(super) fn orthonormalized(tangents: Vec<Vec4>, normals: &[Vec3]) -> Vec<Vec4> {
-    let frame = |(tangent, &normal): (Vec4, &Vec3)| orthogonal_to(normal, tangent.truncate()).extend(tangent.w);
-    tangents.into_iter().zip(normals).map(frame).collect()
+/// Length up to which a unit vector has no direction across another one: what rounding makes of parallel ones is less.
+const LEAST_ACROSS: f32 = 1e-3;
+
+/// Tangents of a file made unit and orthogonal to the normals. Those without a direction across their normal are computed; and how many
+/// of them there are.
+pub(super) fn completed(mesh: &Mesh, given: &[Vec4], normal_map: TextureRef) -> (Vec<Vec4>, usize) {
+    let own = |(tangent, &normal): (&Vec4, &Vec3)| Some(across(normal, tangent.truncate())?.extend(tangent.w));
+    let own: Vec<Option<Vec4>> = given.iter().zip(&mesh.normals).map(own).collect();
+    let n_computed = own.iter().filter(|tangent| tangent.is_none()).count();
+    if n_computed == 0 {
+        return (own.into_iter().flatten().collect(), 0);
+    }
+    let computed = of_vertices(mesh, &frames(mesh, normal_map));
+    (own.into_iter().zip(computed).map(|(own, computed)| own.unwrap_or(computed)).collect(), n_computed)
 }
 
 /// Computes the tangents of a mesh in world space for one normal map.
 pub(super) fn compute(mesh: &mut Mesh, normal_map: TextureRef) {
-    let frames: Vec<Frame> = mesh.triangles.iter().map(|&triangle| frame(mesh, triangle, normal_map)).collect();
+    let frames = frames(mesh, normal_map);
     split_mirrored(mesh, &frames);
+    mesh.tangents = of_vertices(mesh, &frames);
+}
+
+fn frames(mesh: &Mesh, normal_map: TextureRef) -> Vec<Frame> {
+    mesh.triangles.iter().map(|&triangle| frame(mesh, triangle, normal_map)).collect()
+}
+
+/// Tangents of vertices by the frames of their triangles.
+fn of_vertices(mesh: &Mesh, frames: &[Frame]) -> Vec<Vec4> {
     let mut sums = vec![Vec4::ZERO; mesh.positions.len()];
-    for (triangle, frame) in mesh.triangles.iter().zip(&frames) {
+    for (triangle, frame) in mesh.triangles.iter().zip(frames) {
         for (corner, &v) in triangle.iter().enumerate() {
             let weighted = frame.tangent * corner_angle(mesh, *triangle, corner);
             let sum = &mut sums[v as usize];
@@ -27,11 +46,10 @@ pub(super) fn compute(mesh: &mut Mesh, normal_map: TextureRef) {
         }
     }
     let unused_is_right_handed = |sum: Vec4| if sum.w == 0.0 { 1.0 } else { sum.w };
-    mesh.tangents = sums
-        .into_iter()
+    sums.into_iter()
         .zip(&mesh.normals)
         .map(|(sum, &normal)| orthogonal_to(normal, sum.truncate()).extend(unused_is_right_handed(sum)))
-        .collect();
+        .collect()
 }
 
 /// Direction in which u grows over a triangle, and whether the image's up lies to the left of it (1) or to the right (−1).
@@ -97,6 +115,12 @@ fn corner_angle(mesh: &Mesh, triangle: [u32; 3], corner: usize) -> f32 {
     let at = |i: usize| mesh.positions[triangle[(corner + i) % 3] as usize];
     let cosine = (at(1) - at(0)).normalize_or_zero().dot((at(2) - at(0)).normalize_or_zero());
     cosine.clamp(-1.0, 1.0).acos()
+}
+
+/// The part of a unit vector that is orthogonal to the unit normal, unit; `None` where hardly anything is left.
+fn across(normal: Vec3, direction: Vec3) -> Option<Vec3> {
+    let across = direction - normal * normal.dot(direction);
+    (across.length() > LEAST_ACROSS).then(|| across.normalize())
 }
 
 /// The part of a direction that is orthogonal to the unit normal, unit; any such direction if nothing is left.

@@ -29,6 +29,11 @@ const MEAN_TOLERANCE: f64 = 3e-3;
 /// A block is off where it differs by more standard errors than this, and this share of them must not be.
 const Z_MAX: f64 = 3.5;
 const SHARE: f64 = 0.995;
+/// Root mean square of z: normal values of that much have as many beyond `Z_MAX` as `SHARE` leaves.
+const MOST_SPREAD: f64 = 1.25;
+/// Least of it where all noise is told and no more: half of what it ought to be, so that blocks could be off by twice as much. What
+/// ranks leave out of a bake is told as more than it is.
+const LEAST_SPREAD: f64 = 0.5;
 
 /// The array of that name in an uncompressed NPZ file: what its header says, and its bytes.
 fn npz_array<'a>(npz: &'a [u8], name: &str) -> (&'a str, &'a [u8]) {
@@ -190,13 +195,15 @@ fn every_texels_column_is_that_of_another_renderer() {
     let (left_out, bake) = (shows_lights(&halves), baked(&scene));
     let truncated = truncated(&bake);
     let (mut z, mut worst): ([Vec<f64>; 2], [f64; 2]) = Default::default();
+    // Of all columns: by how much they differ, sampled and baked, and what they are.
+    let mut sums = [[0.0; 3]; CHANNELS];
     for column in 0..N_LIGHTS {
         let scale = bake.header.column_scale[column];
         let mut unit = vec![0.0; N_LIGHTS];
         unit[column] = 1.0 / scale;
         let factors: Vec<f64> = bake.groups[0].apply(&unit).into_iter().map(f64::from).collect();
         let of_column: Vec<f64> = truncated.iter().map(|square| square / f64::from(scale).powi(2)).collect();
-        for channel in 0..CHANNELS {
+        for (channel, sums) in sums.iter_mut().enumerate() {
             let rows = [&halves[0][column], &halves[1][column], &reference[column], &factors];
             let found = Channel::new(rows.map(Vec::as_slice), &left_out, channel);
             let ([sampled, baked], error) = found.bias();
@@ -207,14 +214,24 @@ fn every_texels_column_is_that_of_another_renderer() {
             println!("{told}");
             assert!(sampled.abs() < allowed && baked.abs() < allowed, "{told}");
             worst = [worst[0].max(sampled.abs() / of), worst[1].max(baked.abs() / of)];
+            sums.iter_mut().zip([sampled, baked, of]).for_each(|(sum, found)| *sum += found);
             z.iter_mut().zip(found.z(&of_column)).for_each(|(z, found)| z.extend(found));
         }
     }
     println!("worst means {worst:?} (sampled, baked)");
+    for (channel, [sampled, baked, of]) in sums.into_iter().enumerate() {
+        let [sampled, baked] = [sampled, baked].map(|off| off / of);
+        let told = format!("all columns, channel {channel}: off by {sampled:+.5} sampled, {baked:+.5} baked");
+        println!("{told}");
+        assert!(sampled.abs().max(baked.abs()) <= MEAN_TOLERANCE, "{told}: more than {MEAN_TOLERANCE}");
+    }
     for (z, way) in z.iter().zip(["sampled", "baked"]) {
         let share = z.iter().filter(|z| z.abs() <= Z_MAX).count() as f64 / z.len() as f64;
         let spread = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
-        println!("{way}: blocks within {share:.4}, spread of z {spread:.3}");
-        assert!(share >= SHARE, "{way}: only {share:.4} of the blocks agree, spread of z {spread:.3}");
+        let told = format!("{way}: blocks within {share:.4}, spread of z {spread:.3}");
+        println!("{told}");
+        assert!(share >= SHARE, "{told}: {SHARE} of them have to be within {Z_MAX}");
+        assert!(spread <= MOST_SPREAD, "{told}: more than {MOST_SPREAD}");
+        assert!(way == "baked" || spread >= LEAST_SPREAD, "{told}: less than {LEAST_SPREAD}");
     }
 }

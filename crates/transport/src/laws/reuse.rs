@@ -3,7 +3,7 @@
 use clerestory_nystrom::{Half, SampledMatrix};
 use glam::{Vec3, Vec4};
 
-use super::stage::{Stage, lambert, pane, quad, room};
+use super::stage::{Stage, lambert, pane, quad, room, tint};
 use super::walks::{Mean, Walks, assert_same_mean, file_light};
 use crate::camera::{Camera, Film};
 use crate::matrix::{CHANNELS, TransportMatrix};
@@ -96,5 +96,43 @@ fn pixels_that_share_walks_have_the_mean_of_their_own_walks() {
         let own: Vec<f64> = alone.chunks_exact(FILM.n_pixels()).map(|pixels| pixels.iter().sum()).collect();
         let pairs: Vec<f64> = sums.chunks_exact(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
         assert_same_mean(&pairs, &own, 8e-3, "the whole picture");
+    }
+}
+
+#[test]
+fn without_bounces_no_pixel_shares_what_a_pane_scatters() {
+    // The pane beside the floor lets a part of the light pass, and most of the rest leaves it by a diffuse base.
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 1.5, 0.3), Vec3::new(0.0, 0.0, -0.2), 0.5, 4.0 / 3.0);
+    let milky = Material { base_color: Vec4::ONE, transmission: 0.4, ..pane() };
+    let scene = Stage::new(camera)
+        .surface("floor", &quad(Vec3::new(-1.5, 0.0, 1.5), Vec3::X * 3.0, Vec3::NEG_Z * 3.0), lambert(0.6, 0.0))
+        .surface("pane", &quad(Vec3::new(-1.5, 0.0, -0.8), Vec3::X * 3.0, Vec3::Y * 1.5), milky)
+        .panel("panel", &quad(Vec3::new(-0.6, 1.8, -0.6), Vec3::X * 1.2, Vec3::Z * 1.2), 3.0, 4)
+        .prepared();
+    let shared = together(&scene, 4, Some(0));
+    assert!(shared.iter().flatten().all(|&value| value > 0.0), "the panel lights all of the floor");
+    assert!(shared == together(&scene.with_lone_coats(), 4, Some(0)), "light of a pane came by a bounce more");
+}
+
+#[test]
+fn a_film_that_takes_no_light_changes_nothing_on_either_side() {
+    // The film parts the room from floor to panel, and is seen edge on.
+    let room_with = |film: Option<Material>| {
+        let camera = Camera::look_at("eye", Vec3::new(-0.1, 0.2, 1.4), Vec3::new(1.4, -0.4, -1.5), 1.2, 4.0 / 3.0);
+        let across = quad(Vec3::new(0.0, -1.19, -1.49), Vec3::Y * 2.28, Vec3::Z * 2.98);
+        let panel = quad(Vec3::new(-0.6, 1.1, -0.6), Vec3::X * 1.2, Vec3::Z * 1.2);
+        let stage = Stage::new(camera).surface("walls", &room(Vec3::new(2.0, 1.2, 1.5)), lambert(0.8, 0.0));
+        let stage = stage.panel("panel", &panel, 3.0, 4);
+        if let Some(film) = film { stage.surface("film", &across, film).prepared() } else { stage.prepared() }
+    };
+    let [bare, parted] = [None, Some(tint(1.0))].map(|film| together(&room_with(film), 1200, Some(3)));
+    // Pixels of the same tiles, before the film and behind it.
+    for columns in [0..3, 5..8] {
+        let is_asked = |pixel: &usize| columns.contains(&(pixel % FILM.width as usize));
+        let sums = |found: &[Vec<f64>]| -> Vec<f64> {
+            let pixels: Vec<&Vec<f64>> = (0..found.len()).filter(is_asked).map(|pixel| &found[pixel]).collect();
+            (0..1200).map(|seed| pixels.iter().map(|values| values[seed]).sum()).collect()
+        };
+        assert_same_mean(&sums(&parted), &sums(&bare), 1e-2, &format!("columns {columns:?}"));
     }
 }

@@ -30,23 +30,29 @@ impl Mean {
     }
 
     /// Asserts that the mean is `expected` within four standard errors and rounding (10⁻⁵ of it), and that the standard
-    /// error is below `sharpness` of it: a blurred mean could not fail.
+    /// error is below `sharpness` of it: a blurred mean could not fail. So no error of more than four times `sharpness` passes.
     #[track_caller]
     pub fn assert_is(&self, expected: f64, sharpness: f64, what: &str) {
-        assert!(self.error < sharpness * expected, "{what}: {self:?} is too blurred beside {expected}");
-        let off = (self.value - expected).abs();
-        assert!(off <= 4.0 * self.error + 1e-5 * expected, "{what}: {self:?} is not {expected}");
+        Mean { value: self.value - expected, error: self.error }.assert_is_none(expected, sharpness, what);
+    }
+
+    /// The same of a difference that is to be none beside a scale.
+    #[track_caller]
+    fn assert_is_none(&self, scale: f64, sharpness: f64, what: &str) {
+        let [off, error, most] = [self.value, self.error, sharpness * scale].map(|value| 100.0 * value / scale);
+        let told = format!("{what}: off by {off:+.3} % ± {error:.3} % of {scale:.6}");
+        println!("{told}");
+        assert!(self.error < sharpness * scale, "{told}, too blurred: wanted below ± {most:.3} %");
+        assert!(self.value.abs() <= 4.0 * self.error + 1e-5 * scale, "{told}: more than four standard errors");
     }
 }
 
 /// Asserts that two ways to estimate the same values, stream by stream, agree in the mean as [`Mean::assert_is`] does.
 #[track_caller]
 pub(super) fn assert_same_mean(values: &[f64], others: &[f64], sharpness: f64, what: &str) {
+    assert_eq!(values.len(), others.len(), "{what}: as many values");
     let differences: Vec<f64> = values.iter().zip(others).map(|(a, b)| a - b).collect();
-    let scale = Mean::of(others).value;
-    let off = Mean::of(&differences);
-    assert!(off.error < sharpness * scale, "{what}: {off:?} is too blurred beside {scale}");
-    assert!(off.value.abs() <= 4.0 * off.error + 1e-5 * scale, "{what}: off by {off:?} beside {scale}");
+    Mean::of(&differences).assert_is_none(Mean::of(others).value, sharpness, what);
 }
 
 /// Independent walks, stream by stream; the streams take turns at the pixels.

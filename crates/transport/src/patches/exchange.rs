@@ -204,10 +204,13 @@ pub(super) fn taken(rows: &[Row], [all, straight]: [&[f32]; 2], len: usize, tint
     known.plus(&linked(rows, |row| &row.straight, tint), &Strips::of(straight, len)).row_major()
 }
 
-/// What all bounces after the last bring, as a multiple of it, given the sizes of the last two.
+/// What all bounces after the last bring, as a multiple of it, given the sizes of the last two; nothing after one that brought nothing.
 fn tail(last: f64, one_before: f64) -> f32 {
+    if last <= 0.0 {
+        return 0.0;
+    }
     let left = (last / one_before).min(MOST_LEFT);
-    if left.is_finite() { (left / (1.0 - left)) as f32 } else { 0.0 }
+    (left / (1.0 - left)) as f32
 }
 
 #[cfg(test)]
@@ -285,6 +288,19 @@ mod tests {
                 assert!((found / expected - 1.0).abs() < 1e-4, "{most_bounces} bounces: {found} for {expected}");
             }
         }
+    }
+
+    #[test]
+    fn a_bounce_that_brings_nothing_is_followed_by_none() {
+        let row = |known: Vec<Share>| Row { known, straight: Vec::new() };
+        let of_second = vec![Share { patch: 1, weight: Vec3::splat(0.5) }];
+        let exchange = Exchange { rows: vec![row(of_second), row(Vec::new())], most_bounces: u32::MAX };
+        // Lamps that were tried light the first patch alone, of which nobody takes anything.
+        let (light, bounces) = exchange.solve(&[1.0, 0.0], Tint::Gray);
+        assert_eq!(light, [1.0, 0.0]);
+        // Who sees the first patch alone sees half of what comes to the second one.
+        let taken = exchange.solve_transposed([&[1.0, 0.0], &[0.0, 0.0]], bounces, Tint::Gray);
+        assert_eq!(taken, [1.0, 0.5]);
     }
 
     #[test]

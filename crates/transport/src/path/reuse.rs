@@ -129,7 +129,8 @@ impl<P: LightPlan> Integrator<'_, P> {
         let reflects = walk.direction.dot(start.bsdf.geometric_normal()) > 0.0;
         let throws = self.casters.is_some_and(|casters| casters.is_on_the_way(hit.triangle));
         let shares = has_density && reflects && !throws && (self.coats_share || bsdf.is_diffuse());
-        if shares { bsdf.matte() } else { None }
+        // A pane that is met at the end of all bounces lets the walk pass, and scatters nothing.
+        if shares && !self.is_spent(walk) { bsdf.matte() } else { None }
     }
 
     /// What each start gets of the radiance that leaves a meeting; false where its own start does not see it freely, so that
@@ -147,13 +148,10 @@ impl<P: LightPlan> Integrator<'_, P> {
                 shares[slot] = value;
                 n += 1;
             }
-            let mut passed = [Vec3::ZERO; FAN];
-            if n > 0 {
-                self.scene.transmittance16(origin, &targets, n, &mut passed);
-            }
+            let seen = if n > 0 { self.scene.sees16(origin, &targets, n) } else { 0 };
             for i in 0..n {
-                // What lies behind a pane is found by walks through the pane, which are not shared.
-                if passed[i] == Vec3::ONE {
+                // What lies behind a pane, however clear, is found by walks through the pane, which are not shared.
+                if seen >> i & 1 == 1 {
                     total += densities[i];
                     own_sees |= nth * FAN + asked[i] == meeting.start;
                 } else {

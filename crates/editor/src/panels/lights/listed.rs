@@ -1,7 +1,6 @@
 //! What the panel lists: the lights of the scene and the free lamps alike.
 
 use std::collections::BTreeMap;
-use std::f32::consts::PI;
 use std::path::Path;
 
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
@@ -113,7 +112,7 @@ impl Listed<'_> {
         match &self.light {
             LightOf::Scene(source) => match (&self.spots, unit) {
                 (Some(spots), LampUnit::Lumen) => source.lumens_of_spots(setting, spots),
-                (Some(spots), LampUnit::Candela) => Some(source.lumens_of_spots(setting, spots)? / PI),
+                (Some(spots), LampUnit::Candela) => source.candela_of_panel(source.lumens_of_spots(setting, spots)?),
                 _ => source.amount(setting, unit),
             },
             LightOf::Look(lamp, measured) => {
@@ -175,6 +174,8 @@ pub(crate) fn source_words(kind: SourceKind) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::f32::consts::PI;
+
     use clerestory_transport::origin::LightOrigin;
 
     use super::*;
@@ -196,7 +197,8 @@ mod tests {
 
     #[test]
     fn the_flux_of_a_panel_is_what_its_spots_leave_of_it_here_and_in_the_schedule() {
-        let kind = SourceKind::Panel { resolution: 8, size_m: [1.0, 1.0] };
+        // A square that sends 2 lm for each nit from its front: π times its area.
+        let kind = SourceKind::Panel { resolution: 8, size_m: [(2.0 / PI).sqrt(); 2] };
         let origin = LightOrigin { lumens: Some(2.0), ..LightOrigin::default() };
         let source = LightSource { origin, strength: 50.0, ..LightSource::plain("panel", kind, 0..64) };
         let mut basis = LightBasis::new(vec![source]);

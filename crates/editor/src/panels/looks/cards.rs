@@ -175,7 +175,12 @@ fn menu(ui: &mut Ui, idx: usize, look: &mut Look, state: &mut LooksState, mark: 
     }
     ui.separator();
     if ui.button("Delete").clicked() {
+        let n_keys = look.timeline.keys.len();
         look.delete(idx);
+        // Keys of the timeline go along; which one stands where is another matter then.
+        if look.timeline.keys.len() != n_keys {
+            state.player.let_go();
+        }
         ui.close();
     }
 }

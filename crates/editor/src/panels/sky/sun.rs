@@ -5,7 +5,7 @@ use clerestory_transport::sky::{
 };
 use eframe::egui::{Button, ComboBox, Grid, RichText, Slider, SliderClamping, Ui};
 
-use crate::panels::number::{Number, Spelling, slider_ui};
+use crate::panels::number::{Number, Spelling, number_of, slider_ui};
 
 /// A sun in the morning that nobody has moved yet.
 pub const NEW_SUN: SunSetting = SunSetting {
@@ -177,8 +177,8 @@ fn date_ui(ui: &mut Ui, (year, month, day): &mut (i32, u32, u32)) {
 /// Minutes since midnight of `14:30`, or of hours.
 fn parsed_minutes(text: &str) -> Option<f64> {
     match text.split_once(':') {
-        Some((hours, minutes)) => Some(60.0 * hours.trim().parse::<f64>().ok()? + minutes.trim().parse::<f64>().ok()?),
-        None => Some(60.0 * text.trim().parse::<f64>().ok()?),
+        Some((hours, minutes)) => Some(60.0 * number_of(hours, "")? + number_of(minutes, "")?),
+        None => Some(60.0 * number_of(text, "")?),
     }
 }
 
@@ -210,8 +210,9 @@ mod tests {
 
     #[test]
     fn times_are_read_as_people_write_them() {
-        assert_eq!(["14:30", "9", "6.5", " 0:05 "].map(parsed_minutes), [870.0, 540.0, 390.0, 5.0].map(Some));
-        assert_eq!(parsed_minutes("noon"), None);
+        let read = ["14:30", "9", "6.5", "6,5", " 0:05 "].map(parsed_minutes);
+        assert_eq!(read, [870.0, 540.0, 390.0, 390.0, 5.0].map(Some));
+        assert_eq!(["noon", "nan", "inf", "nan:30", "9:nan"].map(parsed_minutes), [None; 5]);
     }
 
     #[test]

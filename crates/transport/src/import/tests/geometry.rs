@@ -167,6 +167,30 @@ fn quantized_and_normalized_attributes_are_read() {
 }
 
 #[test]
+fn vertex_colors_are_held_to_what_gltf_allows() {
+    let mut fixture = Fixture::triangle();
+    let color = fixture.floats("VEC4", &[2.0, 0.5, -1.0, 3.0].repeat(3));
+    fixture.primitive()["attributes"]["COLOR_0"] = json!(color);
+    let mesh = fixture.load().scene.mesh;
+    assert_eq!(mesh.colors, vec![Vec4::new(1.0, 0.5, 0.0, 1.0); 3]);
+}
+
+#[test]
+fn texture_coordinates_and_colors_that_are_no_numbers_are_told() {
+    let mut fixture = Fixture::triangle();
+    let uv = fixture.floats("VEC2", &[0.5, f32::NAN, 0.5, 0.25, f32::INFINITY, 0.0]);
+    let color = fixture.floats("VEC3", &[0.5, 0.5, 0.5, 0.5, f32::NAN, 0.5, 0.5, 0.5, 0.5]);
+    fixture.primitive()["attributes"] = json!({"POSITION": 0, "TEXCOORD_0": uv, "COLOR_0": color});
+    let imported = fixture.load();
+    let mesh = &imported.scene.mesh;
+    assert_eq!(mesh.uvs[0], vec![Vec2::ZERO, Vec2::new(0.5, 0.25), Vec2::ZERO]);
+    let gray = Vec4::new(0.5, 0.5, 0.5, 1.0);
+    assert_eq!(mesh.colors, vec![gray, Vec4::ONE, gray]);
+    let [line] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
+    assert!(line.contains("3 texture coordinates and colors are not finite"), "{line}");
+}
+
+#[test]
 fn sparse_elements_lie_over_dense_ones() {
     let mut fixture = Fixture::triangle();
     let places = fixture.view(&[1]);
@@ -241,6 +265,23 @@ fn given_and_computed_tangents_agree_under_a_mirror() {
 }
 
 #[test]
+fn tangents_without_direction_are_computed() {
+    let mut fixture = normal_mapped_quad(&[0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    let [given, none] = [[0.6, 0.8, 0.0, 1.0], [0.0; 4]];
+    // As exporters write them of a normal that lies along X, say.
+    let along_the_normal = [1e-6, 0.0, 1.0, -1.0];
+    let tangent = fixture.floats("VEC4", [given, none, along_the_normal, given].as_flattened());
+    fixture.primitive()["attributes"]["TANGENT"] = json!(tangent);
+    let imported = fixture.load();
+    let [given, computed] = [Vec4::from(given), Vec4::new(1.0, 0.0, 0.0, 1.0)];
+    for (tangent, expected) in imported.scene.mesh.tangents.iter().zip([given, computed, computed, given]) {
+        assert!(tangent.distance(expected) < 1e-5, "{:?}", imported.scene.mesh.tangents);
+    }
+    let told = imported.report.warnings.iter().filter(|line| line.contains("2 tangents have no direction"));
+    assert_eq!(told.count(), 1, "{:?}", imported.report.warnings);
+}
+
+#[test]
 fn morph_targets_move_by_their_default_weights() {
     let mut fixture = Fixture::triangle();
     let delta = fixture.floats("VEC3", &[0.0, 0.0, 2.0].repeat(3));
@@ -248,6 +289,52 @@ fn morph_targets_move_by_their_default_weights() {
     fixture.root["meshes"][0]["weights"] = json!([1.0]);
     let mesh = fixture.node(json!({"weights": [0.5]})).load().scene.mesh;
     assert!(mesh.positions.iter().all(|p| p.z == 1.0), "{:?}", mesh.positions);
+}
+
+#[test]
+fn morph_targets_turn_tangents_and_keep_their_handedness() {
+    let mut fixture = normal_mapped_quad(&[0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    let tangent = fixture.floats("VEC4", &[1.0, 0.0, 0.0, -1.0].repeat(4));
+    // From +X to +Y.
+    let delta = fixture.floats("VEC3", &[-2.0, 2.0, 0.0].repeat(4));
+    fixture.primitive()["attributes"]["TANGENT"] = json!(tangent);
+    fixture.primitive()["targets"] = json!([{"TANGENT": delta}]);
+    fixture.root["meshes"][0]["weights"] = json!([0.5]);
+    let mesh = fixture.load().scene.mesh;
+    let turned = Vec4::new(0.0, 1.0, 0.0, -1.0);
+    assert!(mesh.tangents.iter().all(|tangent| tangent.distance(turned) < 1e-6), "{:?}", mesh.tangents);
+}
+
+#[test]
+fn a_morph_target_that_is_not_as_long_as_its_mesh_is_told_and_moves_nothing() {
+    let mut fixture = Fixture::triangle();
+    let delta = fixture.floats("VEC3", &[0.0, 0.0, 2.0].repeat(2));
+    fixture.primitive()["targets"] = json!([{"POSITION": delta}]);
+    fixture.root["meshes"][0]["weights"] = json!([1.0]);
+    let imported = fixture.load();
+    assert!(imported.scene.mesh.positions.iter().all(|p| p.z == 0.0), "{:?}", imported.scene.mesh.positions);
+    let [line] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
+    assert!(line.contains("2 displacements for 3 vertices"), "{line}");
+}
+
+#[test]
+fn displaced_texture_coordinates_and_colors_are_told_where_they_have_weight() {
+    let told = |key: &str, of_mesh: f32, of_node: f32| {
+        let mut fixture = Fixture::triangle();
+        let delta = fixture.floats("VEC3", &[0.5; 9]);
+        fixture.primitive()["targets"] = json!([{"POSITION": delta}, {key: delta}]);
+        fixture.root["meshes"][0]["name"] = json!("face");
+        fixture.root["meshes"][0]["weights"] = json!([1.0, of_mesh]);
+        fixture.node(json!({"weights": [1.0, of_node]})).load().report.unsupported
+    };
+    for key in ["TEXCOORD_0", "COLOR_0"] {
+        for [of_mesh, of_node] in [[0.5, 0.0], [0.0, 0.5]] {
+            let told = told(key, of_mesh, of_node);
+            assert!(matches!(&told[..], [one] if one.contains("\"face\"") && one.contains("colors")), "{told:?}");
+        }
+        assert_eq!(told(key, 0.0, 0.0), Vec::<String>::new());
+    }
+    assert_eq!(told("NORMAL", 1.0, 1.0), Vec::<String>::new());
 }
 
 #[test]

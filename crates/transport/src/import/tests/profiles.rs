@@ -7,6 +7,7 @@ use super::fixture::Fixture;
 use crate::camera::{Camera, Film};
 use crate::emitters::{Lighting, punctual_falloff};
 use crate::import::Imported;
+use crate::lamp_units::{LUMENS_PER_WATT, assume_unitless};
 use crate::light::LightRig;
 use crate::photometry::{AssignError, PhotometricProfile, assign};
 use crate::prepared::PreparedScene;
@@ -123,6 +124,16 @@ fn a_missing_or_broken_profile_is_told_and_leaves_no_darkness() {
         let imported = lit(&data(), instance, json!({}));
         assert!(imported.scene.punctual[0].intensity >= 100.0);
         assert!(!imported.report.warnings.is_empty());
+    }
+}
+
+#[test]
+fn what_shines_instead_of_a_profile_keeps_its_candela_where_lamps_have_no_units() {
+    let plain = json!({"extensions": {"KHR_lights_punctual": {"light": 0}}});
+    for (node, candela) in [(json!({}), 100.0), (plain, 5.0 * LUMENS_PER_WATT)] {
+        let mut scene = lit("absent.ies", json!({"light": 0}), node).scene;
+        assume_unitless(&mut scene);
+        assert_eq!(scene.punctual[0].intensity, candela);
     }
 }
 

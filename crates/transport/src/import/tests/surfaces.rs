@@ -90,6 +90,17 @@ fn factors_out_of_range_are_brought_back_and_reported() {
 }
 
 #[test]
+fn an_attenuation_distance_that_is_none_is_reported() {
+    for (distance, n_warnings) in [(0.0, 1), (-1.0, 1), (0.5, 0)] {
+        let volume = json!({"thicknessFactor": 1, "attenuationDistance": distance});
+        let imported = Fixture::triangle().material(json!({"extensions": {"KHR_materials_volume": volume}})).load();
+        let expected = if distance > 0.0 { distance } else { f32::INFINITY };
+        assert_eq!(imported.scene.materials[0].attenuation_distance, expected);
+        assert_eq!(imported.report.warnings.len(), n_warnings, "{:?}", imported.report.warnings);
+    }
+}
+
+#[test]
 fn an_emission_beyond_all_numbers_is_left_out_and_reported() {
     let imported = Fixture::triangle()
         .material(json!({
@@ -416,4 +427,16 @@ fn a_finish_that_makes_no_sense_is_reported() {
     }
     let finish = imported.scene.materials[0].finish.as_ref().expect("a film");
     assert_eq!((finish.clearcoat, finish.iridescence, finish.film_ior), (0.0, 1.0, 1.0));
+}
+
+#[test]
+fn an_index_of_0_reflects_everything_as_that_of_a_surface_alone() {
+    let load = |extension: &str, members: Value| {
+        let imported = Fixture::triangle().material(json!({"extensions": {extension: members}})).load();
+        (imported.scene.materials[0].clone(), imported.report.warnings.len())
+    };
+    let (mirror, n_warnings) = load("KHR_materials_ior", json!({"ior": 0}));
+    assert_eq!((mirror.ior, n_warnings), (1000.0, 0));
+    let (filmed, n_warnings) = load("KHR_materials_iridescence", json!({"iridescenceFactor": 1, "iridescenceIor": 0}));
+    assert_eq!((filmed.finish.expect("a film").film_ior, n_warnings), (1.0, 1));
 }
