@@ -125,7 +125,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
 }
 
 /// Reads what the frames are lit with, and says what of the look means nothing to it. Answers the head of the bake as well.
-fn opened(args: &RelightArgs, sequence: &Sequence, console: &mut Console) -> Result<(Stills, BakeHeader)> {
+fn opened(args: &RelightArgs, sequence: &Sequence, console: &mut Console) -> Result<(Stills, Arc<BakeHeader>)> {
     let graphics = open_graphics(args.options.device)?;
     let bake = load_bake(&args.transport)?;
     let header = bake.header.clone();

@@ -179,10 +179,13 @@ fn what_a_file_says_of_strength_color_and_name_needs_no_rays() {
     assert!(column(&again, 0, "renamed") == column(&earlier, 0, "left"));
 }
 
+/// What changes a scene, and the lights that are looked at then.
+type Changed<'a> = (fn(&mut Scene), &'a [&'a str]);
+
 #[test]
 fn what_is_taken_over_has_the_light_of_a_bake_from_scratch() {
     let earlier = baked(sharp_job(|_| {}));
-    let changes: [(fn(&mut Scene), &[&str]); 3] =
+    let changes: [Changed; 3] =
         [(add_lamp, &["new", "left"]), (other_strengths, &["renamed"]), (lower_a_lamp, &["left", "right"])];
     for (change, keys) in changes {
         let (again, full) = (rebaked(sharp_job(change), &earlier).0, baked(sharp_job(change)));
