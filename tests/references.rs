@@ -21,9 +21,10 @@ const MEAN_TOLERANCE: f64 = 3e-3;
 const Z_MAX: f64 = 3.5;
 /// Share of blocks that must not be off.
 const SHARE: f64 = 0.995;
-/// Root mean square of z. Normal values of the greatest have as many beyond `Z_MAX` as `SHARE` leaves; noise of which the least were
-/// told would be half of that, and blocks could be off by twice as much.
-const SPREAD: std::ops::RangeInclusive<f64> = 0.5..=1.25;
+/// Root mean square of z. Normal values of the greatest have as many beyond `Z_MAX` as `SHARE` leaves. One far below 1 says that noise is
+/// told too great, so that blocks could be off unseen: blue channels come to 0.43 and 0.47, as the noise of a reference is known of all
+/// three channels together, and blue is the darkest of them.
+const SPREAD: std::ops::RangeInclusive<f64> = 0.4..=1.25;
 
 /// Samples per pixel of the references.
 const REFERENCE_SPP: f64 = 4096.0;

@@ -182,7 +182,7 @@ fn a_sampled_column_is_the_picture_of_its_texel_alone() {
     let plan = MatrixPlan::new(&scene.lighting, Density::Full);
     let matrix = TransportMatrix::new(&scene, &plan, scene.scene.cameras[0].clone(), FILM, None, 21);
     let pixels: Vec<u32> = (0..FILM.n_pixels() as u32).collect();
-    let (mut rows, mut sparse, n_samples) = (vec![0.0; matrix.n_rows() * n_cols], Vec::new(), 32);
+    let (mut rows, mut sparse, n_samples) = (vec![0.0; matrix.n_rows() * n_cols], Vec::new(), 48);
     matrix.add_rows(&pixels, 0..n_samples, Half::A, &mut rows, &mut sparse);
     for entry in sparse {
         rows[entry.row as usize * n_cols + entry.col as usize] += entry.value;
@@ -190,7 +190,7 @@ fn a_sampled_column_is_the_picture_of_its_texel_alone() {
     for column in [0, 1, n_cols - 1] {
         let green = |pixel: usize| f64::from(rows[(pixel * CHANNELS + 1) * n_cols + column]) / f64::from(n_samples);
         let sampled: Vec<f64> = (0..FILM.n_pixels()).map(green).collect();
-        let expected = traced_alone(column, (64, 200 + column as u64));
+        let expected = traced_alone(column, (96, 200 + column as u64));
         // By blocks: neighboring pixels share walks.
         let [sampled, expected] = [sampled, expected].map(|pixels| block_means(&pixels));
         assert_same_mean(&sampled, &expected, SHARP, &format!("column {column}"));
