@@ -225,7 +225,7 @@ pub struct BakeOptions {
         allow_negative_numbers = true)]
     pub tolerance: f32,
     /// Seconds that the bake may take, scene loading not counted: it goes over the picture with four times the samples each
-    /// time, from the middle outwards, and ends with what it has; --spp and --tolerance still end it sooner. A preview is
+    /// time, where the error is greatest first, and ends with what it has; --spp and --tolerance still end it sooner. A preview is
     /// always made whole, and with --exact the first pass over it as well; else the answer tells how many blocks are still those of
     /// the preview, with shared and clamped light.
     #[arg(long, value_name = "N", value_parser = parse_seconds, conflicts_with = "patches",

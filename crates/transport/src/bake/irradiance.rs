@@ -73,7 +73,7 @@ const GRID_TOLERANCE_DB: f32 = 66.0;
 
 impl IrradianceRows {
     /// Tolerance to which its factors are truncated and packed, where that of the picture is `tolerance_db`. Samples are asked for by that of
-    /// the picture.
+    /// the picture, but for points of grids, which take all.
     pub(super) fn tolerance_of_factors(&self, tolerance_db: f32) -> f32 {
         match self {
             IrradianceRows::Pixels => tolerance_db,
