@@ -11,9 +11,9 @@ use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::import;
 use clerestory_transport::light::{LightRig, LightSetting, luminance};
 use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::sky::{Environment, SkyForm, SkyLight, SkySetting, SunSetting};
+use clerestory_transport::sky::{Backdrop, Environment, SkyForm, SkyLight, SkySetting, SunSetting};
 use clerestory_transport::trace::{TraceConfig, trace};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use crate::support::{Mean, SceneFile, Shape, baked, block_means};
 
@@ -193,6 +193,51 @@ fn the_sun_has_the_illuminance_that_it_is_said_to_have() {
     let mut dark = LightRig::default();
     dark.lights.insert("sun".into(), LightSetting { muted: true, ..LightSetting::default() });
     assert!(below(&relit(&bake, &dark)) < 1e-3 * expected);
+}
+
+/// The table baked under an even sky and a sun, a lighting that moves the sun behind the picture, and the pixel that sees it there.
+fn sun_behind_the_picture() -> (Bake, LightRig, usize) {
+    let even = || Environment::uniform(Vec3::splat(1000.0));
+    let sun = SunSetting::by_angles(160.0, 30.0).sun().unwrap();
+    let light = SkyLight { sun: Some(sun), ..SkyLight::new("sun", even()) };
+    let scene = under(&table(), light, SkyForm::Patches(1));
+    let [x, y] = [12u16, 3];
+    let middle = Vec2::new(f32::from(x), f32::from(y)) + 0.5;
+    let there = scene.scene.cameras[0].direction(FILM, middle).as_dvec3();
+    let sun = SunSetting::by_angles(there.x.atan2(-there.z).to_degrees(), there.y.asin().to_degrees());
+    let sky =
+        SkySetting { file: Some("even".into()), map: Some(Arc::new(even())), sun: Some(sun), ..SkySetting::default() };
+    let rig = LightRig { sky: Some(sky), ..LightRig::default() };
+    (baked(&scene, FILM, config(8, 1)), rig, usize::from(y) * FILM.width as usize + usize::from(x))
+}
+
+#[test]
+fn a_moved_sun_is_seen_and_shines_as_its_light_is_set() {
+    let (bake, rig, pixel) = sun_behind_the_picture();
+    let with = |key: &str, setting: LightSetting| {
+        let mut rig = rig.clone();
+        rig.set(key, setting);
+        rig
+    };
+    let muted = LightSetting { muted: true, ..LightSetting::default() };
+    let dimmed = with("sun", LightSetting { intensity: 0.5, ..LightSetting::default() });
+    let mut no_sun = rig.clone();
+    no_sun.sky.iter_mut().for_each(|sky| sky.sun = None);
+    let [whole, half, without, alone] =
+        [&rig, &dimmed, &with("sun", muted), &with("sky", muted)].map(|rig| relit(&bake, rig));
+    assert_eq!(without, relit(&bake, &no_sun), "a muted sun is none");
+    assert!(whole[pixel][1] > 1e7 && alone[pixel][1] > 1e7 && without[pixel][1] < 2e3);
+    let others = whole.iter().enumerate().filter(|(idx, _)| *idx != pixel).flat_map(|(_, rgb)| rgb);
+    let lit = others.copied().fold(0.0, f32::max);
+    let channels = |pixels: &[[f32; 3]]| pixels.as_flattened().to_vec();
+    let [whole, half, without, alone] = [whole, half, without, alone].map(|pixels| channels(&pixels));
+    for (idx, all) in whole.into_iter().enumerate() {
+        let off = 1e-2 * lit.max(all);
+        assert!((without[idx] + alone[idx] - all).abs() < off, "{idx}: {} + {} = {all}", without[idx], alone[idx]);
+        assert!((0.5 * (without[idx] + all) - half[idx]).abs() < off, "{idx}: {} of {all}", half[idx]);
+    }
+    let behind = |rig: &LightRig| Backdrop::new(&bake.header, rig).unwrap();
+    assert!(behind(&rig).shows_the_same(&behind(&rig)) && !behind(&rig).shows_the_same(&behind(&dimmed)));
 }
 
 #[test]

@@ -259,7 +259,7 @@ impl LightBasis {
             let columns = &mut coefficients[source.columns.start as usize..source.columns.end as usize];
             let setting = rig.setting(&source.key);
             match (source.kind, self.spots_of(rig, &source.key)) {
-                (SourceKind::Dome { divisions }, _) => self.project_dome(rig, setting, divisions, columns),
+                (SourceKind::Dome { divisions }, _) => self.project_dome(rig, divisions, columns),
                 (SourceKind::Sun { .. }, _) => columns.fill(self.project_sun(rig, setting, source).to_array()),
                 (SourceKind::Panel { resolution, size_m }, Some(spots)) => {
                     project_spots(source, setting, resolution, size_m, spots, columns);
@@ -343,6 +343,8 @@ impl LightBasis {
 }
 
 mod sky;
+pub use sky::SunApart;
+pub(crate) use sky::{DomeLight, MovedSun};
 
 /// Samples per side of a texel that measure how much of it a spot covers.
 const SPOT_SAMPLES: u32 = 4;

@@ -146,10 +146,13 @@ mod tests {
     use clerestory_transport::camera::Film;
     use clerestory_transport::emitters::SkyRequest;
     use clerestory_transport::import;
+    use clerestory_transport::light::LightSetting;
     use clerestory_transport::prepared::PreparedScene;
     use clerestory_transport::sky::{SkyForm, SkySetting};
 
     use super::*;
+    use crate::export::layers::LayerSet;
+    use crate::look::Look;
     use crate::look::sky::{remade, typed};
 
     /// The room of the process tests without ceiling, front and back, under a sun of its own, baked.
@@ -188,6 +191,36 @@ mod tests {
         relighter.set_layer(layer).unwrap();
         relighter.relight(coefficients, &mut radiance).unwrap();
         radiance
+    }
+
+    #[test]
+    fn a_moved_sun_and_its_sky_have_layers_and_shares_of_their_own() {
+        let (shown, mut look) = (court(), Look::default());
+        let bake = shown.bake();
+        look.lights.sky = Some(sky("sun:170,50"));
+        look.lights.set("sun", LightSetting { intensity: 0.5, ..LightSetting::default() });
+        let sun = bake.header.basis.sun_apart(&look.lights).unwrap();
+        let relit = |rig: &LightRig| {
+            let frame = Frame { groups: bake.groups_under(rig), ..*shown.frame };
+            picture(&frame, &bake.header.coefficients(rig), None)
+        };
+        let (whole, alone) = (relit(&look.lights), relit(&sun.alone));
+        let brightest = whole.pixels.as_flattened().iter().copied().fold(0.0, f32::max);
+        let assert_close = |found: f32, wanted: f32| {
+            assert!((found - wanted).abs() <= 1e-2 * brightest, "{found} is not {wanted}");
+        };
+        let layers = LayerSet::Lights.layers_with_sun(&bake, &look, &sun).unwrap();
+        let layer = |key: &str| layers.iter().find(|layer| layer.key == key).unwrap();
+        assert!(layer("sun").radiance.pixels.as_flattened().iter().any(|nit| *nit > 100.0));
+        for (idx, pixel) in whole.pixels.iter().enumerate() {
+            assert_close(layer("sun").radiance.pixels[idx][1], alone.pixels[idx][1]);
+            assert_close(layers.iter().map(|layer| layer.radiance.pixels[idx][1]).sum(), pixel[1]);
+        }
+        for px in (0..48 * 36).step_by(97) {
+            for share in shown.shares(&look.lights, None, &[px]).unwrap() {
+                assert_close(share.radiance.y, layer(&share.key).radiance.pixels[px as usize][1]);
+            }
+        }
     }
 
     #[test]

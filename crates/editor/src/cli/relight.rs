@@ -200,7 +200,11 @@ impl Lit {
     /// Its light in parts.
     fn layers(&mut self, bake: &Bake, look: &Look, lamps: &[LampLight], set: LayerSet) -> Result<Vec<LightLayer>> {
         let relighter = &mut self.relighter;
-        let mut layers = set.layers(&bake.header.basis, look, &self.coefficients, |c| relighter.relight(c))?;
+        let basis = &bake.header.basis;
+        let mut layers = match basis.sun_apart(&look.lights) {
+            Some(sun) => set.layers_with_sun(bake, look, &sun)?,
+            None => set.layers(basis, look, &self.coefficients, |c| relighter.relight(c))?,
+        };
         let keys: Vec<&str> = lamps.iter().map(|lamp| lamp.key.as_str()).collect();
         for (key, members) in set.lamp_parts(&keys, look) {
             let radiance = relighter.light_of(bake, members.into_iter().map(|idx| &lamps[idx]))?;

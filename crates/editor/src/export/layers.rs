@@ -5,9 +5,11 @@ use std::ops::Range;
 use anyhow::Result;
 use clap::ValueEnum;
 use clerestory_relight::Radiance;
-use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
+use clerestory_transport::bake::Bake;
+use clerestory_transport::basis::{LightBasis, LightSource, SourceKind, SunApart};
 use serde::{Deserialize, Serialize};
 
+use crate::cli::relight::Relighter;
 use crate::look::Look;
 use crate::look::groups::own_name;
 
@@ -159,6 +161,27 @@ impl LayerSet {
         };
         let parts = self.parts(basis, look).into_iter();
         parts.map(|(key, columns)| Ok(LightLayer { key, radiance: relight(&alone(&columns))? })).collect()
+    }
+
+    /// The parts of the picture of a bake where a sun shines from columns of the sky, on the CPU: without it each column is of one
+    /// light, and its own light is added to its part.
+    ///
+    /// # Errors
+    /// A bake without blocks that can be multiplied.
+    pub fn layers_with_sun(self, bake: &Bake, look: &Look, sun: &SunApart) -> Result<Vec<LightLayer>> {
+        if self == LayerSet::None {
+            return Ok(Vec::new());
+        }
+        let (header, basis) = (&bake.header, &bake.header.basis);
+        let mut without = Relighter::new(bake, &sun.without, None)?;
+        let coefficients = header.coefficients(&sun.without);
+        let mut layers = self.layers(basis, look, &coefficients, |coefficients| without.relight(coefficients))?;
+        let of_sun = Relighter::new(bake, &sun.alone, None)?.relight(&header.coefficients(&sun.alone))?;
+        let nth = self.parts(basis, look).iter().position(|(_, columns)| columns.contains(&sun.source.columns));
+        if let Some(layer) = nth.and_then(|nth| layers.get_mut(nth)) {
+            layer.radiance.add(&of_sun);
+        }
+        Ok(layers)
     }
 }
 

@@ -259,7 +259,7 @@ fn stops_ui(ui: &mut Ui, sky: &mut SkySetting) {
 fn lux_ui(ui: &mut Ui, basis: &LightBasis, rig: &LightRig, (key, light): (&str, &SkyLight)) {
     let factor = |key: &str| luminance(rig.setting(key).emission(Vec3::ONE, 1.0));
     let sun_key = basis.sources.iter().find(|source| matches!(source.kind, SourceKind::Sun { .. }));
-    let of_sun = sun_key.filter(|_| basis.keeps_its_sun(light)).map_or(key, |source| source.key.as_str());
+    let of_sun = sun_key.map_or(key, |source| source.key.as_str());
     let [sky, sun] = light.level_lx();
     let rows = [("Sky", sky * factor(key)), ("Sun", sun * factor(of_sun))];
     for (name, lux) in rows.into_iter().filter(|(name, _)| *name == "Sky" || light.sun.is_some()) {

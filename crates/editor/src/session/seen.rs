@@ -105,7 +105,11 @@ impl Seen {
             relighter.relight(coefficients, &mut radiance)?;
             Ok(radiance)
         };
-        let mut layers = set.layers(&self.bake.header.basis, &self.look, &self.coefficients, &mut relight)?;
+        let basis = &self.bake.header.basis;
+        let mut layers = match basis.sun_apart(&self.look.lights) {
+            Some(sun) => set.layers_with_sun(&self.bake, &self.look, &sun)?,
+            None => set.layers(basis, &self.look, &self.coefficients, &mut relight)?,
+        };
         let Some(light) = &self.light else { return Ok(layers) };
         let keys: Vec<&str> = light.parts.iter().map(|part| part.key.as_str()).collect();
         for (key, members) in set.lamp_parts(&keys, &self.look) {

@@ -45,8 +45,13 @@ impl Shown {
     /// `None` where these pixels are not baked yet. Together they are the picture, unlit surfaces included.
     pub fn shares(&self, rig: &LightRig, light: Option<&LampLight>, pixels: &[u32]) -> Option<Vec<Share>> {
         let basis = &self.header.basis;
-        let row: Vec<[f32; 3]> = mean_row(&self.lit_groups(rig, pixels), pixels)?.into_iter().flatten().collect();
-        let coefficients: Vec<[f32; 3]> = self.header.coefficients(rig).into_iter().flatten().collect();
+        let terms = |rig: &LightRig| -> Option<(Vec<[f32; 3]>, Vec<[f32; 3]>)> {
+            let row = mean_row(&self.lit_groups(rig, pixels), pixels)?.into_iter().flatten().collect();
+            Some((row, self.header.coefficients(rig).into_iter().flatten().collect()))
+        };
+        // Without a sun that shines from columns of the sky each of them is of one light.
+        let sun = basis.sun_apart(rig);
+        let (row, coefficients) = terms(sun.as_ref().map_or(rig, |sun| &sun.without))?;
         let brought = |column: usize, x: Vec3| Vec3::from(row[column]) * x;
         let mut shares: Vec<Share> = basis
             .sources
@@ -57,6 +62,12 @@ impl Shown {
                 Share { key: source.key.clone(), radiance, lux: None, is_of_scene: true }
             })
             .collect();
+        if let Some(sun) = &sun {
+            let (row, coefficients) = terms(&sun.alone)?;
+            let brought: Vec3 = row.iter().zip(&coefficients).map(|(row, x)| Vec3::from(*row) * Vec3::from(*x)).sum();
+            let own = shares.iter_mut().find(|share| share.key == sun.source.key);
+            own.into_iter().for_each(|share| share.radiance += brought);
+        }
         let first_patch = basis.patch_columns().map_or(row.len(), |columns| columns.start as usize);
         shares.extend(light.into_iter().flat_map(|light| &light.parts).map(|part| {
             let direct: Vec3 = pixels.iter().map(|pixel| part.direct(*pixel)).sum::<Vec3>() / pixels.len() as f32;
@@ -74,16 +85,24 @@ impl Shown {
         let Some(set) = self.pixel_irradiance() else { return };
         let Some(row) = mean_row(&self.irradiance[set], pixels) else { return };
         let row: Vec<Vec3> = row.into_iter().flatten().map(Vec3::from).collect();
-        let coefficients = self.header.irradiance_coefficients(set, rig).into_iter().flatten().map(Vec3::from);
-        let baked: Vec<Vec3> = row.iter().zip(coefficients).map(|(row, x)| *row * x).collect();
+        let under = |rig: &LightRig| -> Vec<Vec3> {
+            let coefficients = self.header.irradiance_coefficients(set, rig).into_iter().flatten().map(Vec3::from);
+            row.iter().zip(coefficients).map(|(row, x)| *row * x).collect()
+        };
         let basis = &self.header.basis;
+        let sun = basis.sun_apart(rig);
+        let baked = under(sun.as_ref().map_or(rig, |sun| &sun.without));
+        let of_sun = sun.map(|sun| (sun.source.key.as_str(), under(&sun.alone).into_iter().sum::<Vec3>()));
         let of_columns = |columns: &Range<u32>| -> Vec3 { columns.clone().map(|column| baked[column as usize]).sum() };
         let first_patch = basis.patch_columns().map_or(row.len(), |columns| columns.start as usize);
         let of_lamp = |part: &LampPart| {
             let straight: Vec3 = pixels.iter().map(|pixel| part.arriving(*pixel)).sum::<Vec3>() / pixels.len() as f32;
             straight + row[first_patch..].iter().zip(part.of_patches()).map(|(row, x)| *row * x).sum::<Vec3>()
         };
-        let of_scene = basis.sources.iter().map(|source| ((source.key.as_str(), true), of_columns(&source.columns)));
+        let of_scene = basis.sources.iter().map(|source| {
+            let moved = of_sun.filter(|(key, _)| *key == source.key).map_or(Vec3::ZERO, |(_, lux)| lux);
+            ((source.key.as_str(), true), of_columns(&source.columns) + moved)
+        });
         let parts = light.into_iter().flat_map(|light| &light.parts).filter(|part| part.is_measured());
         let lamps = parts.map(|part| ((part.key.as_str(), false), of_lamp(part)));
         let brought: BTreeMap<(&str, bool), f32> =

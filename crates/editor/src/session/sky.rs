@@ -24,7 +24,7 @@ pub struct SkyOrder {
 
 /// What the sky brings to the picture, or in words why it is not known.
 pub struct SkySeen {
-    /// Pixels with their radiance in nit at intensity 1.
+    /// Pixels with their radiance, nit where the coefficient of the sky's own column is 1.
     pub light: Result<Vec<(u32, Vec3)>, String>,
     /// Number of the order that it answers.
     pub serial: u64,

@@ -3,6 +3,7 @@
 use anyhow::{Context, Result, bail};
 use clerestory_nystrom::BlockLowRank;
 use clerestory_relight::weighed_row;
+use clerestory_transport::light::LightRig;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -15,6 +16,16 @@ use crate::marks::weighed;
 pub(super) struct Row {
     pub fixed: [f64; 3],
     pub shares: Vec<[f64; 3]>,
+}
+
+impl Row {
+    /// Adds what columns bring to their owner.
+    fn add(&mut self, owner: Option<usize>, sums: &[[f32; 3]], coefficients: &[[f32; 3]]) {
+        let to = owner.map_or(&mut self.fixed, |owner| &mut self.shares[owner]);
+        for (sum, x) in sums.iter().zip(coefficients) {
+            (0..3).for_each(|c| to[c] += f64::from(sum[c]) * f64::from(x[c]));
+        }
+    }
 }
 
 /// Luminance of the channels.
@@ -36,37 +47,62 @@ pub(super) struct Rows<'a> {
     /// The unknown that a column belongs to.
     owners: Vec<Option<usize>>,
     first_patch: usize,
+    /// A sun that shines from columns of the sky.
+    sun: Option<OfSun>,
+}
+
+/// What a sun brings that shines from columns of the sky: all columns together, with it alone.
+struct OfSun {
+    owner: Option<usize>,
+    groups: Vec<BlockLowRank>,
+    coefficients: Vec<[f32; 3]>,
+    of_irradiance: Vec<Vec<[f32; 3]>>,
 }
 
 impl<'a> Rows<'a> {
     pub fn new(scene: &'a Scene, unknowns: &'a [Unknown]) -> Rows<'a> {
         let header = &scene.bake.header;
         let unit = unit_rig(&scene.rig, unknowns);
-        let flat = |groups: Vec<Vec<[f32; 3]>>| groups.into_iter().flatten().collect();
+        let flat = |groups: Vec<Vec<[f32; 3]>>| -> Vec<[f32; 3]> { groups.into_iter().flatten().collect() };
+        let of_irradiance = |rig: &LightRig| -> Vec<Vec<[f32; 3]>> {
+            (0..header.irradiance.len()).map(|set| flat(header.irradiance_coefficients(set, rig))).collect()
+        };
+        let owner_of = |key: &str| unknowns.iter().position(|unknown| unknown.key == key);
         let mut owners = vec![None; header.basis.n_cols()];
         for source in &header.basis.sources {
-            let owner = unknowns.iter().position(|unknown| unknown.key == source.key);
-            owners[source.columns.start as usize..source.columns.end as usize].fill(owner);
+            owners[source.columns.start as usize..source.columns.end as usize].fill(owner_of(&source.key));
         }
+        let apart = header.basis.sun_apart(&unit);
+        let by_column = apart.as_ref().map_or(&unit, |sun| &sun.without);
         Rows {
             scene,
             unknowns,
-            groups: scene.bake.groups_under(&scene.rig),
-            coefficients: flat(header.coefficients(&unit)),
-            of_irradiance: (0..header.irradiance.len())
-                .map(|set| flat(header.irradiance_coefficients(set, &unit)))
-                .collect(),
+            groups: scene.bake.groups_under(by_column),
+            coefficients: flat(header.coefficients(by_column)),
+            of_irradiance: of_irradiance(by_column),
             first_patch: header.basis.patch_columns().map_or(owners.len(), |columns| columns.start as usize),
             owners,
+            sun: apart.as_ref().map(|sun| OfSun {
+                owner: owner_of(&sun.source.key),
+                groups: scene.bake.groups_under(&sun.alone),
+                coefficients: flat(header.coefficients(&sun.alone)),
+                of_irradiance: of_irradiance(&sun.alone),
+            }),
         }
     }
 
     /// The mean radiance over some pixels, nit.
     pub fn radiance(&self, pixels: &[u32]) -> Result<Row> {
         let pixels = weighed(pixels, self.scene.seen.as_deref());
-        let sums = weighed_row(&self.groups, pixels.iter().copied());
-        let sums: Vec<[f32; 3]> = sums.context(NOT_BAKED)?.into_iter().flatten().collect();
+        let sums_of = |groups: &[BlockLowRank]| -> Result<Vec<[f32; 3]>> {
+            let sums = weighed_row(groups, pixels.iter().copied()).context(NOT_BAKED)?;
+            Ok(sums.into_iter().flatten().collect())
+        };
+        let sums = sums_of(&self.groups)?;
         let mut row = self.reduced(&sums, &self.coefficients);
+        if let Some(sun) = &self.sun {
+            row.add(sun.owner, &sums_of(&sun.groups)?, &sun.coefficients);
+        }
         for lamp in &self.scene.lamps {
             self.add_lamp(&mut row, (lamp, &*lamp.direct), &pixels, &sums);
         }
@@ -114,15 +150,18 @@ impl<'a> Rows<'a> {
         let groups = self.scene.bake.irradiance.get(set).context(NOT_BAKED)?;
         let sums = weighed_row(groups, pixels.iter().copied()).context(NOT_BAKED)?;
         let sums: Vec<[f32; 3]> = sums.into_iter().flatten().collect();
-        Ok((self.reduced(&sums, &self.of_irradiance[set]), sums))
+        let mut row = self.reduced(&sums, &self.of_irradiance[set]);
+        if let Some(sun) = &self.sun {
+            row.add(sun.owner, &sums, &sun.of_irradiance[set]);
+        }
+        Ok((row, sums))
     }
 
     /// Columns times their coefficients, summed by owner.
     fn reduced(&self, sums: &[[f32; 3]], coefficients: &[[f32; 3]]) -> Row {
         let mut row = Row { fixed: [0.0; 3], shares: vec![[0.0; 3]; self.unknowns.len()] };
         for ((sum, x), owner) in sums.iter().zip(coefficients).zip(&self.owners) {
-            let to = owner.map_or(&mut row.fixed, |owner| &mut row.shares[owner]);
-            (0..3).for_each(|c| to[c] += f64::from(sum[c]) * f64::from(x[c]));
+            row.add(*owner, &[*sum], &[*x]);
         }
         row
     }

@@ -3,12 +3,14 @@ use std::sync::Arc;
 use clerestory_relight::Tone;
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
 use clerestory_transport::camera::Film;
+use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::import;
 use clerestory_transport::irradiance::IrradianceRows;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sensors::SensorGrid;
+use clerestory_transport::sky::{SkyForm, SkySetting};
 use glam::Vec3;
 use serde_json::{Value, json};
 
@@ -16,6 +18,7 @@ use super::*;
 use crate::cli::relight::Relighter;
 use crate::export::{ExportOptions, Picture};
 use crate::illuminance::{AddedLux, LuxFigures, of_grid, seen_irradiance};
+use crate::look::sky::{remade, typed};
 use crate::look::{Look, Units};
 use crate::marks::Marks;
 
@@ -205,6 +208,48 @@ fn a_picture_under_other_lights_is_matched_whatever_its_size_and_exposure() {
         assert!((found / wanted - 1.0).abs() < 0.05, "{a} over {b}: {found} is not {wanted}");
     }
     assert!(solved.outcomes[0].reached < 5.0 && solved.outcomes[0].before > 10.0, "{:?}", solved.outcomes);
+}
+
+/// The room without ceiling, front and back, baked under a sun that stands elsewhere now.
+fn under_a_moved_sun() -> Scene {
+    let gltf = include_str!("../../tests/room.gltf").replace("\"count\": 36", "\"count\": 18");
+    let imported = import::load_bytes("court", gltf.as_bytes()).unwrap();
+    let sky = |place: &str| remade(&SkySetting::default(), typed(place).unwrap()).unwrap();
+    let request = SkyRequest { light: sky("sun:200,50").light(None).unwrap(), form: SkyForm::Patches(1) };
+    let scene = Arc::new(PreparedScene::with_sky(imported.scene, &[], Some(&request)).unwrap().0);
+    let camera = scene.scene.cameras[0].clone();
+    let config = BakeConfig { spp: 8, tolerance_db: 60.0, ..BakeConfig::default() };
+    let irradiance = vec![IrradianceRows::Pixels];
+    let job = BakeJob { scene, camera, film: FILM, config, passes: Passes::FinalOnly, irradiance };
+    let bake = job.run(|_| std::ops::ControlFlow::Continue(())).unwrap().unwrap();
+    Scene { bake, rig: LightRig { sky: Some(sky("sun:170,50")), ..LightRig::default() }, lamps: Vec::new(), seen: None }
+}
+
+#[test]
+fn what_a_moved_sun_brings_goes_with_that_sun_alone() {
+    let mut scene = under_a_moved_sun();
+    let turned = |intensity| LightSetting { intensity, ..LightSetting::default() };
+    scene.rig.set("sun", turned(0.5));
+    let request = Request { lights: Some(vec!["sky".into(), "sun".into()]), ..Request::default() };
+    let unknowns = lights::unknowns(&scene, &request).unwrap();
+    let rows = rows::Rows::new(&scene, &unknowns);
+    let pixels: Vec<u32> = (0..12).flat_map(|y| (0..12).map(move |x| 32 * y + x)).collect();
+    let (seen, arriving) = (rows.radiance(&pixels).unwrap(), rows.irradiance(&pixels).unwrap());
+    assert!([&seen, &arriving].iter().all(|row| row.shares.iter().all(|share| rows::luminance(*share) > 1.0)));
+    for (sky, sun) in [(1.0, 0.5), (3.0, 0.1), (0.1, 2.0)] {
+        let mut rig = scene.rig.clone();
+        rig.set("sky", turned(sky));
+        rig.set("sun", turned(sun));
+        let told = |row: &rows::Row| -> f64 {
+            let of = |(unknown, share): (&lights::Unknown, &[f64; 3])| {
+                f64::from(rig.setting(&unknown.key).intensity) * rows::luminance(*share)
+            };
+            rows::luminance(row.fixed) + unknowns.iter().zip(&row.shares).map(of).sum::<f64>()
+        };
+        for (told, relit) in [(told(&seen), nit(&scene.bake, &rig)), (told(&arriving), lux(&scene.bake, &rig))] {
+            assert!((told / relit - 1.0).abs() < 1e-2, "{told} is not {relit} at {sky} and {sun}");
+        }
+    }
 }
 
 #[test]

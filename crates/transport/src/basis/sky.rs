@@ -12,6 +12,44 @@ use crate::sky::{Dome, SkyLight, SkySetting};
 const SAME_SUN_RAD: f32 = 1e-3;
 /// Variance over squared mean up to which a sky is the same everywhere.
 const EVEN: f64 = 1e-9;
+/// Least coefficient of what the camera sees, over the lux of a sun that stands in it with a setting of its own: where the sky
+/// is off, the disk is seen all the same.
+const LEAST_SEEN: f32 = 1e-9;
+
+/// What the columns of a dome shine with, as the lights are set.
+pub(crate) struct DomeLight {
+    /// The sky.
+    pub light: SkyLight,
+    /// What multiplies its map on the patches.
+    pub factor: Vec3,
+    /// Coefficient of what the camera sees: it multiplies all that stands behind the picture.
+    pub seen: Vec3,
+    /// The map behind the picture, in units of `seen`: 1 but where the sky is far dimmer than a sun in it.
+    pub map: Vec3,
+    /// A sun that shines without a column of its own.
+    pub sun: Option<MovedSun>,
+}
+
+/// A sun that shines from its patch of the sky.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MovedSun {
+    /// Unit vector towards it.
+    pub direction: Vec3,
+    /// Illuminance on a surface that faces it, lux per channel.
+    pub lux: Vec3,
+    /// The same in units of [`DomeLight::seen`].
+    pub seen_lux: Vec3,
+}
+
+/// A sun that shines from the columns of the sky by a setting of its own, told apart from what else they shine with.
+pub struct SunApart<'a> {
+    /// The light that sets it.
+    pub source: &'a LightSource,
+    /// The lighting without it: every column has the light of its own source alone.
+    pub without: LightRig,
+    /// The lighting with it alone: all columns together are its light. Free lamps stay as they are.
+    pub alone: LightRig,
+}
 
 impl LightBasis {
     /// The sky under a rig: the rig's own, else the baked one as the rig turns it.
@@ -31,19 +69,66 @@ impl LightBasis {
 
     /// Whether the sun of a sky stands where this basis has a column for it.
     pub fn keeps_its_sun(&self, light: &SkyLight) -> bool {
-        let at = light.sun_direction();
-        let own = self.sources.iter().find_map(|source| match source.kind {
-            SourceKind::Sun { direction } => Some(direction),
+        let own = self.sun_source().map(|(_, direction)| direction);
+        light.sun_direction().zip(own).is_some_and(|(a, b)| (a - b).length() < SAME_SUN_RAD)
+    }
+
+    /// The sun among the lights, and where its column has it.
+    fn sun_source(&self) -> Option<(&LightSource, Vec3)> {
+        self.sources.iter().find_map(|source| match source.kind {
+            SourceKind::Sun { direction } => Some((source, direction)),
             _ => None,
-        });
-        at.zip(own).is_some_and(|(a, b)| (a - b).length() < SAME_SUN_RAD)
+        })
+    }
+
+    /// The light of a sky of patches under a rig: a sun that moved away from its column is set as the sun among the lights, where
+    /// there is one, else as the sky. `None` without a sky of patches.
+    pub(crate) fn dome_light(&self, rig: &LightRig) -> Option<DomeLight> {
+        let sky = self.sources.iter().find(|source| matches!(source.kind, SourceKind::Dome { .. }))?;
+        let light = self.sky_light(rig)?;
+        let factor = rig.setting(&sky.key).emission(Vec3::ONE, light.intensity);
+        let moved = light.sun.zip(light.sun_direction()).filter(|_| !self.keeps_its_sun(&light));
+        let mut dome = DomeLight { light, factor, seen: factor, map: Vec3::ONE, sun: None };
+        let Some((sun, direction)) = moved else { return Some(dome) };
+        match self.sun_source() {
+            None => {
+                let seen_lux = sun.color * sun.illuminance_lx;
+                dome.sun = Some(MovedSun { direction, lux: seen_lux * factor, seen_lux });
+            }
+            Some((source, _)) => {
+                let strength = sun.illuminance_lx * dome.light.intensity;
+                let lux = rig.setting(&source.key).emission(sun.color, strength);
+                if lux != Vec3::ZERO {
+                    let seen = factor.max(lux * LEAST_SEEN);
+                    dome.sun = Some(MovedSun { direction, lux, seen_lux: in_units(lux, seen) });
+                    (dome.seen, dome.map) = (seen, in_units(factor, seen));
+                }
+            }
+        }
+        Some(dome)
+    }
+
+    /// A sun that shines from the columns of the sky and is set by itself, told apart: what asks for the light of each source by
+    /// its columns takes the lighting without it, and adds it. `None` where every column has the light of its own source alone.
+    pub fn sun_apart(&self, rig: &LightRig) -> Option<SunApart<'_>> {
+        let (source, _) = self.sun_source()?;
+        self.dome_light(rig)?.sun?;
+        let mute = |rig: &mut LightRig, key: &str| {
+            let own = rig.own_setting(key);
+            rig.set(key, LightSetting { muted: true, ..own });
+        };
+        let [mut without, mut alone] = [rig.clone(), rig.clone()];
+        mute(&mut without, &source.key);
+        self.sources.iter().filter(|other| other.key != source.key).for_each(|other| mute(&mut alone, &other.key));
+        Some(SunApart { source, without, alone })
     }
 
     /// Coefficients of the patches and of what the camera sees. A sun without a column of its own shines from its patch.
-    pub(super) fn project_dome(&self, rig: &LightRig, setting: LightSetting, divisions: u32, columns: &mut [[f32; 3]]) {
-        let Some(light) = self.sky_light(rig) else { return columns.fill([0.0; 3]) };
+    pub(super) fn project_dome(&self, rig: &LightRig, divisions: u32, columns: &mut [[f32; 3]]) {
+        let Some(DomeLight { light, factor, seen, sun, .. }) = self.dome_light(rig) else {
+            return columns.fill([0.0; 3]);
+        };
         let dome = Dome::new(divisions);
-        let factor = setting.emission(Vec3::ONE, light.intensity);
         let (patches, of_map) = columns.split_at_mut(dome.n_patches() as usize);
         for (column, mean) in patches.iter_mut().zip(dome.means(&light.map, light.turn())) {
             *column = mean;
@@ -55,14 +140,13 @@ impl LightBasis {
             *whole = take_out(&dome, patches, &means);
         }
         columns.iter_mut().for_each(|column| *column = (Vec3::from(*column) * factor).to_array());
-        if let Some((sun, direction)) = light.sun.zip(light.sun_direction()).filter(|_| !self.keeps_its_sun(&light)) {
+        if let Some(MovedSun { direction, lux, .. }) = sun {
             let patch = dome.patch(direction);
-            let radiance = sun.color * sun.illuminance_lx / dome.solid_angle(patch);
             let column = &mut columns[patch as usize];
-            *column = (Vec3::from(*column) + radiance * factor).to_array();
+            *column = (Vec3::from(*column) + lux / dome.solid_angle(patch)).to_array();
         }
-        if let Some(seen) = columns.last_mut() {
-            *seen = factor.to_array();
+        if let Some(last) = columns.last_mut() {
+            *last = seen.to_array();
         }
     }
 
@@ -76,6 +160,11 @@ impl LightBasis {
         let Some((light, sun)) = light.and_then(|light| light.sun.map(|sun| (light, sun))) else { return Vec3::ZERO };
         setting.emission(sun.color, sun.illuminance_lx * light.intensity)
     }
+}
+
+/// Light in units of other light; nothing where that is dark.
+fn in_units(light: Vec3, unit: Vec3) -> Vec3 {
+    Vec3::select(unit.cmpgt(Vec3::ZERO), light / unit, Vec3::ZERO)
 }
 
 /// How much of a sky, by its means over patches, is the baked one as it was baked; that part is taken out of the patches. All
@@ -107,7 +196,8 @@ fn take_out(dome: &Dome, patches: &mut [[f32; 3]], baked: &[[f32; 3]]) -> [f32; 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sky::Environment;
+    use crate::light::{LightGroup, planckian_tint};
+    use crate::sky::{Environment, Sun, dome_columns};
 
     fn means(map: &Environment, rotation_deg: f32) -> Vec<[f32; 3]> {
         Dome::new(1).means(map, crate::sky::Turn::new(rotation_deg))
@@ -119,6 +209,96 @@ mod tests {
         Environment::from_fn(128, 64, |d| {
             Vec3::new(1.0, 1.2, 1.5 + d.y) + if d.dot(spot) > 0.99 { Vec3::splat(200.0) } else { Vec3::ZERO }
         })
+    }
+
+    const LUX: f32 = 8e4;
+    const MUTED: LightSetting = LightSetting { intensity: 1.0, color: None, kelvin: None, muted: true };
+
+    /// An even sky of patches with a sun, and a lighting that turns both away and halves them.
+    fn turned() -> (LightBasis, LightRig) {
+        let sun = Sun { direction: Vec3::new(0.0, 0.6, 0.8), illuminance_lx: LUX, color: Vec3::ONE };
+        let light = SkyLight { sun: Some(sun), ..SkyLight::new("sun", Environment::uniform(Vec3::splat(100.0))) };
+        let of_sky = LightSource::plain("sky", SourceKind::Dome { divisions: 1 }, 0..dome_columns(1));
+        let of_sun = LightSource::plain("sun", SourceKind::Sun { direction: sun.direction }, 0..1);
+        let basis = LightBasis { sky: Some(light), ..LightBasis::new(vec![of_sky, of_sun]) };
+        let sky = SkySetting { rotation_deg: 90.0, intensity: 0.5, ..SkySetting::default() };
+        (basis, LightRig { sky: Some(sky), ..LightRig::default() })
+    }
+
+    /// The same sky where its sun is no light of its own.
+    fn with_sky_alone(basis: &LightBasis) -> LightBasis {
+        let sources = vec![basis.source("sky").unwrap().clone()];
+        LightBasis { sky: basis.sky.clone(), ..LightBasis::new(sources) }
+    }
+
+    /// The brightest patch: that of the sun, unless it is dark.
+    fn patch(basis: &LightBasis, rig: &LightRig) -> Vec3 {
+        let columns = &basis.source("sky").unwrap().columns;
+        let patches = &basis.project(rig)[columns.start as usize..columns.end as usize - 2];
+        patches.iter().map(|rgb| Vec3::from(*rgb)).fold(Vec3::ZERO, Vec3::max)
+    }
+
+    #[track_caller]
+    fn assert_close(found: Vec3, wanted: Vec3) {
+        let off = (found - wanted).abs().max_element();
+        assert!(off < 1e-4 * wanted.max_element(), "{found} is not {wanted}");
+    }
+
+    #[test]
+    fn a_moved_sun_shines_as_its_light_is_set() {
+        let (basis, mut rig) = turned();
+        let (dome, direction) = (Dome::new(1), basis.sky_light(&rig).unwrap().sun_direction().unwrap());
+        let full = Vec3::splat(0.5 * LUX / dome.solid_angle(dome.patch(direction)));
+        assert_close(patch(&basis, &rig), full);
+        rig.set("sun", LightSetting { intensity: 0.5, ..LightSetting::default() });
+        assert_close(patch(&basis, &rig), 0.5 * full);
+        rig.set("sun", LightSetting { kelvin: Some(2700.0), ..LightSetting::default() });
+        assert_close(patch(&basis, &rig), planckian_tint(2700.0) * full);
+        rig.set("sun", LightSetting::default());
+        let lights = ["sun".to_owned()].into();
+        rig.groups.insert("outside".into(), LightGroup { lights, intensity: 0.25, muted: false });
+        assert_close(patch(&basis, &rig), 0.25 * full);
+        rig.set("sun", MUTED);
+        assert!(patch(&basis, &rig).max_element() < 1e-2, "it stays dark");
+        let seen = *basis.project(&rig).last().unwrap();
+        assert_eq!(seen, [0.5; 3], "the sky does not");
+        // Without a light of its own it goes with the sky.
+        let (basis, mut rig) = (with_sky_alone(&basis), turned().1);
+        assert_close(patch(&basis, &rig), full);
+        rig.set("sky", LightSetting { intensity: 0.5, ..LightSetting::default() });
+        assert_close(patch(&basis, &rig), 0.5 * full);
+    }
+
+    #[test]
+    fn a_moved_sun_shines_from_a_sky_that_is_off() {
+        let (basis, mut rig) = turned();
+        let full = patch(&basis, &rig);
+        rig.set("sky", MUTED);
+        assert_close(patch(&basis, &rig), full);
+        let columns = basis.project(&rig);
+        assert_eq!(columns.iter().filter(|rgb| **rgb != [0.0; 3]).count(), 2, "its patch, and its disk");
+        assert!(columns.last().unwrap().iter().all(|seen| *seen > 0.0));
+        rig.set("sun", MUTED);
+        assert!(basis.project(&rig).iter().all(|rgb| *rgb == [0.0; 3]));
+    }
+
+    #[test]
+    fn a_moved_sun_is_told_apart_from_the_sky() {
+        let (basis, mut rig) = turned();
+        rig.set("sun", LightSetting { intensity: 0.1, ..LightSetting::default() });
+        let sun = basis.sun_apart(&rig).unwrap();
+        let [whole, without, alone] = [&rig, &sun.without, &sun.alone].map(|rig| basis.project(rig));
+        let n_patches = whole.len() - 1;
+        for ((whole, without), alone) in whole.iter().zip(&without).zip(&alone).take(n_patches) {
+            let sum = Vec3::from(*without) + Vec3::from(*alone);
+            assert!((sum - Vec3::from(*whole)).abs().max_element() <= 1e-5 * sum.abs().max_element());
+        }
+        assert_eq!(sun.source.key, "sun");
+        assert_close(patch(&basis, &sun.alone), patch(&basis, &rig));
+        assert!(patch(&basis, &sun.without).max_element() < 1e-2);
+        let is_apart = |rig: &LightRig| basis.sun_apart(rig).is_some();
+        assert!(!is_apart(&sun.without) && !is_apart(&LightRig::default()));
+        assert!(with_sky_alone(&basis).sun_apart(&rig).is_none());
     }
 
     #[track_caller]

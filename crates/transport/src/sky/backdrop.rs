@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::{SkyLight, SunEmitter, Turn};
 use crate::bake::{Bake, BakeHeader};
-use crate::basis::SourceKind;
+use crate::basis::{DomeLight, MovedSun, SourceKind};
 use crate::camera::{Camera, Film};
 use crate::light::LightRig;
 
@@ -30,7 +30,9 @@ pub struct Backdrop {
     film: Film,
     light: SkyLight,
     turn: Turn,
-    /// A sun that has no column of its own, with its radiance.
+    /// What multiplies its map.
+    map: Vec3,
+    /// A sun that has no column of its own, and its radiance in nit, in units of the column's coefficient as the map is.
     sun: Option<(SunEmitter, Vec3)>,
 }
 
@@ -40,11 +42,10 @@ impl Backdrop {
         let basis = &header.basis;
         let source = basis.sources.iter().find(|s| matches!(s.kind, SourceKind::Dome { .. }))?;
         let group = basis.groups.iter().position(|g| g.columns.contains(&source.columns.start))?;
-        let light = basis.sky_light(rig)?;
-        let sun = light.sun.filter(|_| !basis.keeps_its_sun(&light)).zip(light.sun_direction());
-        let sun = sun.map(|(sun, direction)| {
+        let DomeLight { light, map, sun, .. } = basis.dome_light(rig)?;
+        let sun = sun.map(|MovedSun { direction, seen_lux, .. }| {
             let disk = SunEmitter::new(direction);
-            (disk, sun.color * sun.illuminance_lx * disk.radiance())
+            (disk, seen_lux * disk.radiance())
         });
         Some(Backdrop {
             group,
@@ -53,13 +54,16 @@ impl Backdrop {
             film: Film { width: header.width, height: header.height },
             turn: light.turn(),
             light,
+            map,
             sun,
         })
     }
 
     /// Whether another backdrop shows the same, so that lit blocks can be kept.
     pub fn shows_the_same(&self, other: &Backdrop) -> bool {
+        let radiance = |backdrop: &Backdrop| backdrop.sun.map(|(_, radiance)| radiance);
         (self.turn, &self.light.map, self.light.sun) == (other.turn, &other.light.map, other.light.sun)
+            && (self.map, radiance(self)) == (other.map, radiance(other))
             && (self.group, self.column, &self.camera, self.film)
                 == (other.group, other.column, &other.camera, other.film)
     }
@@ -77,7 +81,7 @@ impl Backdrop {
         weights
     }
 
-    /// The sky as pixels with these weights show it, nit at intensity 1.
+    /// The sky as pixels with these weights show it, nit where the column's coefficient is 1.
     pub fn light(&self, weights: &[(u32, Vec3)]) -> Vec<(u32, Vec3)> {
         weights.par_iter().with_min_len(256).map(|(pixel, weight)| (*pixel, self.pixel(*pixel) * weight)).collect()
     }
@@ -109,7 +113,7 @@ impl Backdrop {
         lit
     }
 
-    /// Mean radiance of the sky over a pixel at intensity 1.
+    /// Mean radiance of the sky over a pixel, nit where the column's coefficient is 1.
     fn pixel(&self, pixel: u32) -> Vec3 {
         let corner = Vec2::new((pixel % self.film.width) as f32, (pixel / self.film.width) as f32);
         let n = PIXEL_SAMPLES * PIXEL_SAMPLES;
@@ -117,7 +121,7 @@ impl Backdrop {
             let within = Vec2::new((nth % PIXEL_SAMPLES) as f32, (nth / PIXEL_SAMPLES) as f32) + 0.5;
             let direction = self.camera.direction(self.film, corner + within / PIXEL_SAMPLES as f32);
             let sun = self.sun.filter(|(sun, _)| sun.contains(direction)).map_or(Vec3::ZERO, |(_, radiance)| radiance);
-            sum + sun + self.light.map.radiance(self.turn.sky_from_world(direction))
+            sum + sun + self.map * self.light.map.radiance(self.turn.sky_from_world(direction))
         });
         sum / n as f32
     }
