@@ -124,6 +124,11 @@ impl Desk {
         now + *held(&self.earlier_secs)
     }
 
+    /// Those of its parts that were kept from a run that was interrupted.
+    pub fn earlier_secs(&self) -> f64 {
+        *held(&self.earlier_secs)
+    }
+
     /// A section begins: what others compute is counted from here on.
     ///
     /// # Errors
