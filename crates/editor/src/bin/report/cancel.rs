@@ -8,6 +8,7 @@ use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, ensure};
+use clerestory_nystrom::Partition;
 use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::{BakeConfig, BakeEvent, BakeJob, Passes, SIDE};
 use clerestory_transport::camera::Film;
@@ -170,7 +171,9 @@ struct Follower {
 impl Follower {
     fn new(said: Sender<(Stage, Instant)>) -> Result<Follower> {
         said.send((Stage::Columns, Instant::now()))?;
-        Ok(Follower { n_irradiance: FILM.n_pixels().div_ceil((SIDE * SIDE) as usize), said })
+        // Those at the rim may be smaller.
+        let blocks = Partition { width: FILM.width, height: FILM.height, tile: SIDE };
+        Ok(Follower { n_irradiance: blocks.n_blocks(), said })
     }
 
     fn hear(&mut self, event: &BakeEvent) {
@@ -268,6 +271,18 @@ fn signals(desk: &Desk, scene: &Path, n: usize) -> Result<(usize, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn packing_begins_behind_the_last_block_of_irradiance() {
+        let (said, heard) = channel();
+        let mut follower = Follower::new(said).unwrap();
+        // Six blocks across, and of five down the last ones have half the height.
+        for block_idx in 0..30 {
+            assert_eq!(heard.try_iter().filter(|(stage, _)| *stage == Stage::Packing).count(), 0, "{block_idx}");
+            follower.hear(&BakeEvent::IrradianceDone { set: 0, block_idx, factors: Vec::new(), is_preview: false });
+        }
+        assert_eq!(heard.try_iter().filter(|(stage, _)| *stage == Stage::Packing).count(), 1);
+    }
 
     #[test]
     fn an_answer_is_at_once_or_late_and_none_is_neither() {

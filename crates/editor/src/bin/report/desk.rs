@@ -1,6 +1,7 @@
 //! What every section works with: the repository, a folder for files that come and go, and the command line.
 
 use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -27,6 +28,8 @@ pub struct Desk {
     pub quick: bool,
     /// What is kept between runs.
     kept: Kept,
+    /// A hash of the files that sections read and of the program that they call.
+    inputs: String,
     scratch: PathBuf,
     /// When the section began that is measured now.
     begun_at: Mutex<Instant>,
@@ -61,6 +64,7 @@ impl Desk {
         let pages = pages.map_or_else(|| root.join("docs"), Path::to_path_buf);
         std::fs::create_dir_all(&pages).with_context(|| format!("cannot make the folder {}", pages.display()))?;
         Ok(Desk {
+            inputs: hash_of_files(inputs(&root))?,
             commit: commit(&root).unwrap_or_default(),
             earlier_secs: Mutex::new(0.0),
             references: Mutex::default(),
@@ -87,8 +91,7 @@ impl Desk {
 
     /// A file of the shared data, if there is such data.
     pub fn shared(&self, path: &str) -> Option<PathBuf> {
-        let found = std::env::var_os("CLERESTORY_SHARED").map(|folder| Path::new(&folder).join(path));
-        found.filter(|path| path.exists())
+        shared_folder().map(|folder| folder.join(path)).filter(|path| path.exists())
     }
 
     /// Says on the terminal what is being measured.
@@ -124,6 +127,11 @@ impl Desk {
         now + *held(&self.earlier_secs)
     }
 
+    /// Those of its parts that were kept from a run that was interrupted.
+    pub fn earlier_secs(&self) -> f64 {
+        *held(&self.earlier_secs)
+    }
+
     /// A section begins: what others compute is counted from here on.
     ///
     /// # Errors
@@ -153,7 +161,8 @@ impl Desk {
         }
     }
 
-    /// What was measured of a part of a section, if an interrupted run of this program on this machine has it, else measured now.
+    /// What was measured of a part of a section, if an interrupted run of this program on this machine has it, with the same files, else
+    /// measured now.
     ///
     /// # Errors
     /// As [`Kept::part`].
@@ -218,7 +227,7 @@ impl Desk {
     }
 
     fn parts_of(&self, section: &str) -> String {
-        format!("{section}-{}", self.choose("quick", "full"))
+        format!("{section}-{}-{}", self.choose("quick", "full"), self.inputs)
     }
 
     /// Writes a plot beside the page; the line of the page that shows it.
@@ -246,6 +255,40 @@ impl Drop for Desk {
         // Best effort: it lies among the temporary files of the system anyway.
         let _ = std::fs::remove_dir_all(&self.scratch);
     }
+}
+
+/// The folder of the shared data, if one is named.
+fn shared_folder() -> Option<PathBuf> {
+    std::env::var_os("CLERESTORY_SHARED").map(PathBuf::from)
+}
+
+/// What sections read and call beside this program, as far as it is there.
+fn inputs(root: &Path) -> Vec<PathBuf> {
+    let of_shared = ["scenes", "references", "env", "matrices"];
+    let shared = shared_folder().into_iter().flat_map(|folder| of_shared.map(|name| folder.join(name)));
+    let own = ["assets", "scripts/peers.py"].map(|path| root.join(path));
+    own.into_iter().chain(shared).chain(program()).filter(|path| path.exists()).collect()
+}
+
+/// A hash of the names, lengths and times of files, and of all that lie in folders.
+///
+/// # Errors
+/// If a folder cannot be listed.
+fn hash_of_files(mut left: Vec<PathBuf>) -> Result<String> {
+    let mut files = Vec::new();
+    while let Some(path) = left.pop() {
+        if path.is_dir() {
+            let within = std::fs::read_dir(&path).with_context(|| format!("cannot list {}", path.display()))?;
+            left.extend(within.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<PathBuf>>>()?);
+        } else if let Ok(found) = std::fs::metadata(&path) {
+            // A link that leads nowhere is read by nobody.
+            files.push((path, found.len(), found.modified()?));
+        }
+    }
+    files.sort();
+    let mut hasher = DefaultHasher::new();
+    files.hash(&mut hasher);
+    Ok(format!("{:016x}", hasher.finish()))
 }
 
 /// The program that users call, which is built beside this one.
@@ -415,6 +458,26 @@ mod tests {
         again.numbers("hall", || panic!("it is there")).unwrap();
         assert!(held(&again.references)["hall"].is_some_and(|secs| secs >= 0.02), "another section");
         std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn parts_that_were_measured_of_other_files_are_none_of_a_section() {
+        let folder = tempfile::tempdir().unwrap();
+        let scenes = folder.path().join("scenes");
+        std::fs::create_dir_all(&scenes).unwrap();
+        let hash_with = |words: &str| {
+            std::fs::write(scenes.join("hall.glb"), words).unwrap();
+            hash_of_files(vec![folder.path().to_path_buf()]).unwrap()
+        };
+        let (hall, other) = (hash_with("a hall"), hash_with("another hall"));
+        assert_ne!(hall, other);
+        assert_eq!(other, hash_of_files(vec![folder.path().to_path_buf()]).unwrap());
+        let mut desk = Desk::new(true, Some(folder.path())).unwrap();
+        let parts = [hall, other].map(|inputs| {
+            desk.inputs = inputs;
+            desk.parts_of("time")
+        });
+        assert_ne!(parts[0], parts[1]);
     }
 
     #[test]

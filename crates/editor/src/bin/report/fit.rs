@@ -1,8 +1,10 @@
 //! What a few measured points say: where a curve crosses a target, how steeply something grows, how far repeats lie apart.
 
 /// Seconds at which an error is reached, between the two points around it, dB over the logarithm of time; points are
-/// (seconds, dB), or have another number above zero instead of seconds. `None` if no two neighbors lie on both sides.
+/// (seconds, dB), or have another number above zero instead of seconds. `None` if the first point is beyond it already, whatever the
+/// next ones fall back to, or no two neighbors lie on both sides.
 pub fn secs_at(target_db: f64, points: &[[f64; 2]]) -> Option<f64> {
+    points.first().filter(|[_, db]| *db <= target_db)?;
     let between = points.windows(2).find(|pair| pair[0][1] <= target_db && target_db <= pair[1][1])?;
     let [[from, low], [to, high]] = [between[0], between[1]];
     Some((from.ln() + (to / from).ln() * (target_db - low) / (high - low).max(f64::MIN_POSITIVE)).exp())
@@ -126,6 +128,9 @@ mod tests {
         assert_eq!(secs_words(10.0, &[]), "—");
         let between = [10.0, 60.0].map(|db| secs_between(db, &curve).expect("points"));
         assert_eq!(between, [[0.0, 1.0], [16.0, f64::INFINITY]]);
+        // A preview may be nearer than the few samples behind it.
+        let falling = [[1.0, 35.0], [2.0, 29.0], [4.0, 40.0]];
+        assert_eq!((secs_at(30.0, &falling), secs_words(30.0, &falling)), (None, "< 1.0".into()));
     }
 
     #[test]

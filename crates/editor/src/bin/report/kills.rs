@@ -77,8 +77,8 @@ fn words(desk: &Desk, kills: &[Kill], n_late: usize, run_secs: f64) -> Result<St
         ("finished bakes that equal the uninterrupted one byte for byte", count(|kill| kill.same_bytes).to_string()),
         ("blocks of the bake", n_blocks.to_string()),
         ("blocks that were kept, least and most", format!("{least}, {most}")),
-        ("kept blocks that were lost", count(|kill| kill.lost_bytes > 0).to_string()),
-        ("blocks that were half written, of all kills", n_torn.to_string()),
+        ("kills after which something was gone that had been kept", count(|kill| kill.lost_bytes > 0).to_string()),
+        ("kills that left a block half written", n_torn.to_string()),
         (
             "blocks under way, the most that a kill can cost (one a thread; by design, not measured)",
             THREADS.to_string(),
@@ -164,4 +164,26 @@ fn uniform(seed: u64, nth: usize) -> f64 {
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     ((bits ^ (bits >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kills_are_counted_where_something_was_lost() {
+        let folder = tempfile::tempdir().unwrap();
+        let desk = Desk::new(true, Some(folder.path())).unwrap();
+        let kill = |lost_bytes: u64| Kill {
+            at_secs: 1.0,
+            found: None,
+            ended: false,
+            lost_bytes,
+            resume_secs: 2.0,
+            same_bytes: true,
+        };
+        let told = words(&desk, &[kill(0), kill(4096), kill(8192)], 0, 2.0).unwrap();
+        assert!(told.contains("| kills after which something was gone that had been kept | 2 |"), "{told}");
+        assert!(told.contains("| kills that left a block half written | 0 |"), "{told}");
+    }
 }

@@ -178,10 +178,13 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
         names => names.iter().any(|name| name == section.name),
     };
     let begun = Instant::now();
-    let measured = |section: &Section| {
+    let (mut earlier_secs, mut done) = (0.0, Vec::new());
+    let mut measured = |section: &Section| {
         desk.begin()?;
         let text = (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))?;
         complain(&format!("{} took {:.0} s", section.name, desk.secs()));
+        earlier_secs += desk.earlier_secs();
+        done.push(section.name);
         Ok::<_, anyhow::Error>(text)
     };
     for (page, section) in OWN_PAGES.iter().filter(|(_, section)| asked(&section)) {
@@ -208,7 +211,9 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
     let secs = begun.elapsed().as_secs_f64();
     complain(&format!("all sections took {secs:.0} s in this run"));
     if names.is_empty() {
-        let total = total_words(desk.quick, secs);
+        let wanted = known().filter(|name| !desk.quick || IN_A_HURRY.contains(name));
+        let missing: Vec<&str> = wanted.filter(|name| !done.contains(name)).collect();
+        let total = total_words(desk.quick, [secs, earlier_secs], &missing);
         complain(&total);
         let mut page = Page::parse(&std::fs::read_to_string(&path).unwrap_or_default());
         page.put(total_mark, format!("*{total}*"));
@@ -217,17 +222,25 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// What all sections took, and in a hurry a warning where that is more than is aimed at: nothing fails for it.
-fn total_words(quick: bool, secs: f64) -> String {
+/// What all sections took in this run and what their parts had taken before an interruption, which of them could not be measured, and in
+/// a hurry a warning where that is more than is aimed at: nothing fails for it.
+fn total_words(quick: bool, [secs, earlier]: [f64; 2], missing: &[&str]) -> String {
+    let but = if missing.is_empty() { String::new() } else { format!(" but {}", missing.join(", ")) };
+    let all = secs + earlier;
+    let took = if earlier > 0.0 {
+        format!("{all:.0} s, {earlier:.0} of them before an interruption")
+    } else {
+        format!("{all:.0} s")
+    };
     if !quick {
         return format!(
-            "When all sections were last measured in one run, of version {}, they took {secs:.0} s.",
+            "When all sections{but} were last measured in one run, of version {}, they took {took}.",
             env!("CARGO_PKG_VERSION")
         );
     }
     let over = format!("Warning: more than the {HURRY_SECS:.0} s on two cores that `--quick` aims at.");
-    let over = if secs > HURRY_SECS { format!(" {over}") } else { String::new() };
-    format!("All sections of `--quick` took {secs:.0} s.{over}")
+    let over = if all > HURRY_SECS { format!(" {over}") } else { String::new() };
+    format!("All sections{but} of `--quick` took {took}.{over}")
 }
 
 /// Whether a section is measured here without being asked for: where what it needs is missing, the page keeps what it has.
@@ -273,10 +286,17 @@ mod tests {
 
     #[test]
     fn a_report_tells_its_seconds_and_one_in_a_hurry_warns_of_too_many() {
-        assert!(total_words(false, 36000.4).ends_with(" they took 36000 s."));
-        assert_eq!(total_words(true, 212.4), "All sections of `--quick` took 212 s.");
-        assert!(
-            total_words(true, 312.0).starts_with("All sections of `--quick` took 312 s. Warning: more than the 300 s")
-        );
+        let alone = |quick: bool, secs: f64| total_words(quick, [secs, 0.0], &[]);
+        assert!(alone(false, 36000.4).ends_with(" they took 36000 s."));
+        assert_eq!(alone(true, 212.4), "All sections of `--quick` took 212 s.");
+        assert!(alone(true, 312.0).starts_with("All sections of `--quick` took 312 s. Warning: more than the 300 s"));
+    }
+
+    #[test]
+    fn seconds_before_an_interruption_and_sections_that_are_missing_are_told() {
+        let told = total_words(false, [3000.0, 1600.4], &["hardware", "peers"]);
+        assert!(told.starts_with("When all sections but hardware, peers were last measured in one run,"), "{told}");
+        assert!(told.ends_with(" they took 4600 s, 1600 of them before an interruption."), "{told}");
+        assert!(total_words(true, [200.0, 112.0], &[]).contains("Warning"), "both stretches count");
     }
 }

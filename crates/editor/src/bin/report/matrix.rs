@@ -164,8 +164,7 @@ fn scene(
     Ok(format!(
         "\n### {name}\n\n\
          {} columns, {} triangles; finding lights and building the hierarchy took {prepared:.1} CPU seconds beside. {}{targets}\n\n\
-         | samples | indirect light | CPU s | rank mean / max | dense / factors | column dB mean | worst | with lights seen, mean / worst | told bias |\n\
-         |---|---|---|---|---|---|---|---|---|\n{rows}{worst}",
+         {HEAD}{rows}{worst}",
         scene.lighting.basis.n_cols(),
         scene.scene.mesh.triangles.len(),
         words_of_references(sampling),
@@ -194,6 +193,10 @@ pub fn baked(scene: &Arc<PreparedScene>, film: Film, config: BakeConfig) -> Resu
     Ok((process_cpu_secs()? - before, bake))
 }
 
+/// Head of the table of a scene.
+const HEAD: &str = "| samples | indirect light | CPU s | rank mean / max | dense / packed factors | column dB mean | worst | with lights seen, mean / worst | told bias |\n\
+    |---|---|---|---|---|---|---|---|---|\n";
+
 /// Bakes of one row.
 struct Repeats {
     /// Of each seed.
@@ -202,7 +205,7 @@ struct Repeats {
     /// Of the first.
     mean_rank: f32,
     max_rank: u32,
-    /// Dense over the bytes of the factors, of the first.
+    /// Dense over the bytes of the factors as a file holds them, of the first.
     ratio: f32,
     /// Whose column is the worst, of the first.
     worst_light: Option<String>,
@@ -415,6 +418,10 @@ mod tests {
         let told = repeats.row((64, 26.0), "shared");
         assert!(told.starts_with("| ≤ 64, to 26 dB | shared | 3.0 (2.0…5.0) | 1.5 / 9 | 800× | "), "{told}");
         assert!(told.ends_with(" | 31.0 (30.0…32.0) | 31.0 (30.0…32.0) | 20.0 / 20.0 | 41.0 |\n"), "{told}");
+        // Packed bytes are what a dense matrix is held against, not the factors in memory.
+        assert!(HEAD.contains("| dense / packed factors |"), "{HEAD}");
+        let n_cells = |line: &str| line.matches('|').count();
+        assert!(HEAD.lines().all(|line| n_cells(line) == n_cells(&told)), "{told}");
         let worst = repeats.worst_words(64, "shared");
         assert_eq!(worst.as_deref(), Some("indirect light shared, 64 samples, `lamp`, 30.0 dB"));
         repeats.errors[0].are_bounds = vec![true];

@@ -178,6 +178,16 @@ impl Reference {
         (0..self.n_cols).filter(|&column| self.peaks[column] > 0.0).nth(nth)
     }
 
+    /// The light of all columns together in rows that are laid out as the reference's, but for the entries that are left out of its
+    /// errors: a lamp that is seen outshines all that it lights.
+    pub fn light(&self, rows: &[f32]) -> f64 {
+        let of_row = |(row, entries): (usize, &[f32])| -> f64 {
+            let lit = entries.iter().enumerate().filter(|(column, _)| !self.is_seen(row, *column));
+            lit.map(|(_, value)| f64::from(*value)).sum()
+        };
+        rows.chunks_exact(self.n_cols).enumerate().map(of_row).sum()
+    }
+
     /// The picture that rows make under a coefficient per column and channel, as far as it is compared.
     pub fn relit(&self, rows: &[f32], light: &[[f32; 3]]) -> Vec<f32> {
         let row = |(row, entries): (usize, &[f32])| {
@@ -489,6 +499,17 @@ mod tests {
         let (film, n_cols) = (Film { width: 8, height: 4 }, scene.lighting.basis.n_cols());
         assert_eq!(near_seen_light(&scene, film, &vec![[1.0; 3]; n_cols]), [true; 32]);
         assert_eq!(near_seen_light(&scene, film, &vec![[0.0; 3]; n_cols]), [false; 32]);
+    }
+
+    #[test]
+    fn lamps_that_are_seen_are_no_part_of_the_light() {
+        // Two pixels of two columns; the first pixel shows the lamp of the second column.
+        let rows =
+            [[1.0, 1000.0], [2.0, 0.5]].map(|row| [row; 3]).into_iter().flatten().flatten().collect::<Vec<f32>>();
+        let halves = [rows.clone(), rows.clone()];
+        let seen = vec![false, true, false, false];
+        let reference = Reference { n_cols: 2, pixels: vec![0, 1], halves, seen, peaks: vec![2.0, 0.5] };
+        assert_eq!(reference.light(&rows), 3.0 * 3.5);
     }
 
     #[test]

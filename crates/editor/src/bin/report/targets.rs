@@ -104,7 +104,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          too, so that what is asked for here counts noise of theirs as matter to be kept. No halves of them are at hand, so that noise is not measured here. Where it lies\n\
          6 dB or more below an error that is told, it adds 1 dB at most to that; this limits what is told of noisy halves alone, since where the converged matrix itself is compressed its noise is no error. {checksums}dB are 10·log10(pk² / mean ΔT²)\n\
          over all entries, pk the median over columns of their 99.5 percentile. Every method is asked for the same tolerance, block by block of\n\
-         16 × 16 pixels; what it finds is packed as a bake is, read back, and held against the converged matrix. The ratio is the dense matrix in\n\
+         16 × 16 pixels; what it finds is packed as a bake is, read back, and held against the converged matrix; *short of it* is what lacks more than {SLACK_DB} dB of what was asked for. The ratio is the dense matrix in\n\
          single precision over all bytes of the packed one; its picture under all columns is kept far better than asked, which is counted. `svd` is the\n\
          best there is at equal rank (Eckart–Young), packed alike; `row-id` is the next best at equal rank on blocks of both matrices, as Methods has it. The least rank is that of all singular values of all\n\
          blocks under one threshold, at the error that was reached. Multiply-adds are those of a product with three channels of light, per pixel: with\n\

@@ -405,7 +405,7 @@ fn beside_samples<'a>(scenes: impl Iterator<Item = (&'a str, &'a Measured)>) -> 
         spread + &gains_words(&gains)
     });
     format!(
-        "\nBeside the very samples that it is made of, ours with traced light, not denoised, has so many dB more, median (least…greatest) over all scenes, samples and seeds but those with which both are beyond where the reference ends, and aimed at is never less: of single lights {single}; of all lights of the file {all}. \
+        "\nBeside the very samples that it is made of, ours with traced light, not denoised, has so many dB more, median (least…greatest) over all scenes, samples and seeds but those with which both are beyond where the reference ends, and aimed at is never less, rounded to tenths: of single lights {single}; of all lights of the file {all}. \
          What keeps it from less, and why it is not certain, stands in [decision 0041](decisions/0041-no-block-is-worse-than-its-samples.md) and [decision 0051](decisions/0051-noisy-columns-are-divided-first.md).\n"
     )
 }
@@ -462,6 +462,10 @@ mod tests {
             beside_samples([("hall", &measured)].into_iter())
         };
         let words = told([None; 3]);
+        assert!(
+            words.contains("aimed at is never less, rounded to tenths:"),
+            "what rounds to nothing counts as kept: {words}"
+        );
         assert!(words.contains("of single lights 0.5, kept: +0.5 dB at worst (`hall`, 4 samples, seed 1);"), "{words}");
         assert!(words.contains("of the file -0.5, missed: -0.5 dB at worst (`hall`, 4 samples, seed 1)."), "{words}");
         let words = told([Some(20.0), None, Some(29.0)]);

@@ -30,7 +30,7 @@ struct Taken {
     dbs: Vec<Option<f64>>,
     /// By what sharing light is off as the bake tells it, in dB; where it is shared.
     biases: Vec<Option<f64>>,
-    /// Light of all columns together over that of the reference.
+    /// Light of all columns together over that of the reference, lamps that are seen left out.
     lights: Vec<f64>,
 }
 
@@ -74,7 +74,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         "\n### Samples\n\n\
          Bakes of {} × {} pixels whose blocks take all of {spp} samples per pixel: CPU seconds and the error of single lights (median)\n\
          in dB as in the section Error against time; by what sharing light is off as the bake tells it (`error_db.bias`), and the light of all columns\n\
-         together over that of the reference, which is less than 1 where light is cut off; all median (least…greatest) of {turns} seeds in turn. Shared light has a clamp of\n\
+         together over that of the reference, pixels that show it left out as of the error, which is less than 1 where light is cut off; all median (least…greatest) of {turns} seeds in turn. Shared light has a clamp of\n\
          fireflies, four times the median of the nodes around: `--fast` alone has it, and beside it stands what it takes. Samples that are independent of each\n\
          other take the place of an Owen-scrambled sequence (walks that go on from one first vertex are stratified together in both). With one light a vertex the\n\
          first vertex asks for one of all lights and later ones for one of each group; second vertices that pixels share ask for all in both.\n\n\
@@ -95,8 +95,7 @@ fn measured(
         Ok(Arc::new(prepare(PreparedScene::with_skips(scene.scene, &[], None, skips)?.0)))
     };
     let reference = Reference::new(desk, &[path], &*load(Skips::default(), |scene| scene)?, sampling)?;
-    let light = |rows: &[f32]| rows.iter().copied().map(f64::from).sum::<f64>();
-    let all_light = light(&reference.mean());
+    let all_light = reference.light(&reference.mean());
     let mut measured: Vec<Taken> = ways().iter().map(|_| Taken::default()).collect();
     for seed in 1..=turns {
         for ((what, configured, skips, prepare), taken) in ways().iter().zip(&mut measured) {
@@ -108,7 +107,7 @@ fn measured(
             taken.secs.push(cpu_secs);
             taken.dbs.push(reference.errors(&rows).median_db());
             taken.biases.push(bake.figures().error_db.bias.map(f64::from));
-            taken.lights.push(light(&rows) / all_light);
+            taken.lights.push(reference.light(&rows) / all_light);
         }
     }
     Ok(measured)

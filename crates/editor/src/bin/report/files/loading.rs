@@ -76,7 +76,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "\n### A large file\n\n\
          {WIDTH} × {height} pixels under a panel of {SIDE} × {SIDE} texels, random factors of seed {} and rank 0 to {RANK}, packed to lose 40 dB less than they hold; written, measured, and removed.\n\
-         Reading its bytes, loading it as the window does, and of that making factors of bytes that are in memory, in turn, median of {} by the clock. Loading also checks every byte and reads the header; the factors, decoded and taken out of\n\
+         Reading its bytes, which the system still holds in its cache, loading it as the window does, and of that making factors of bytes that are in memory, in turn, median of {} by the clock. Loading also checks every byte and reads the header; the factors, decoded and taken out of\n\
          their cosines, are what relighting multiplies with. Aimed at: about the time of reading, {ABOUT} times at most.\n\n\
          | file | reading | loading | of that, factors | all else | loading over reading |\n|---|---|---|---|---|---|\n\
          | {:.1} MB | {read:.3} s | {load:.2} s | {unpack:.2} s | {:.2} s | {ratio:.1}, {} |\n",

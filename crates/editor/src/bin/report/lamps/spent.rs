@@ -18,7 +18,7 @@ pub struct Spent {
     pub learning: f64,
     /// Walks of their columns.
     pub walks: f64,
-    /// All else, which is what a bake without patches does.
+    /// All else: what a bake without patches does, and packing their columns, which no event tells apart.
     pub lights: f64,
 }
 

@@ -175,7 +175,7 @@ impl Told {
             noise included. *Noise* is that of the mean of both traced pictures without direct light. A place where it is more than half \
             of the indirect light tells nothing, and the next number draws another one instead, {MOST_REDRAWN} times a scene at most: *drowned* counts these places. Medians, and the worst in brackets. Energy is the sum of the indirect light over that of the \
             reference. PSNR is that of the whole picture, its peak the 99.5 percentile. *Held out* is by how much columns differ from patches \
-            under lamps that they were not learned from. CPU seconds of all threads: of all that is no patch (patches change nothing of it), of learning patches, of the walks of their columns. {}\n\n\
+            under lamps that they were not learned from. CPU seconds of all threads: of a bake without patches, in which packing their columns is counted as well, of learning patches, of the walks of their columns. {}\n\n\
             | scene | patches | samples | columns | held out | places | drowned | L2 | without worst | noise | energy, least to most | PSNR | of the noise | file without \
             | of patches | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n{}\n\
             ### Place by place, {DEFAULT_PATCHES} patches{of}\n\n\
@@ -202,6 +202,17 @@ impl Told {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn it_is_told_which_seconds_hold_the_packing_of_patches() {
+        let folder = tempfile::tempdir().unwrap();
+        let desk = Desk::new(true, Some(folder.path())).unwrap();
+        let told = Told::default().page(&[], "", &desk);
+        assert!(
+            told.contains("of a bake without patches, in which packing their columns is counted as well,"),
+            "{told}"
+        );
+    }
 
     #[test]
     fn places_are_told_by_the_numbers_that_they_were_drawn_by() {

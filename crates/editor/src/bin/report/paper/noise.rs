@@ -98,7 +98,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
          both halves, block by block. Then what bakes of as many samples give, whose blocks tell each other, too: as they are made by default, and with\n\
          `--fast`, indirect light shared between pixels; blocks that reach the {TOLERANCE_DB} dB that ours and bakes are asked for take fewer. All have {}, and lights that are seen left out. They are held against two references of {reference_spp} samples\n\
          per pixel each (both halves of seed {SEED}): the mean of (x − a)(x − b) of the clipped values, told as no less than its standard error, so that noise of the\n\
-         references does not count. 256 texels. Aimed at is never to be worse than as sampled ([decision 0041](decisions/0041-no-block-is-worse-than-its-samples.md) tells where it is, [decision 0006](decisions/0006-indirect-light-is-traced-unless-sharing-is-asked-for.md) what sharing costs), told of the rows in which that is below {TOLERANCE_DB} dB, as bakes of the others stop sooner: {}.\n\
+         references does not count. 256 texels. Aimed at is never to be worse than as sampled, rounded to tenths ([decision 0041](decisions/0041-no-block-is-worse-than-its-samples.md) tells where it is, [decision 0006](decisions/0006-indirect-light-is-traced-unless-sharing-is-asked-for.md) what sharing costs), told of the rows in which that is below {TOLERANCE_DB} dB, as bakes of the others stop sooner: {}.\n\
          The pictures have {} samples per pixel, seed {} and one small spot; each pixel is shown as {ENLARGED} × {ENLARGED}.\n{}\n\
          | scene | samples per pixel | {} |\n|---|---|{}\n{rows}{sheets}",
         seeds_words(seeds),

@@ -68,7 +68,8 @@ fn most_words(way: Way, most: &[f64]) -> String {
     let [least, median, greatest] = spread(most);
     match most.len() {
         0 => format!("*{}* in none", way.name()),
-        n => format!("*{}* {median:.0} ({least:.0}…{greatest:.0}) in {n}", way.name()),
+        // The median of an even number of rows may be a half, which is told as it is.
+        n => format!("*{}* {median} ({least:.0}…{greatest:.0}) in {n}", way.name()),
     }
 }
 
@@ -147,5 +148,7 @@ mod tests {
         assert_eq!(looks([7.0, endless], [20.0, 20.0]), "", "more than none says nothing");
         assert_eq!(most_looks([70.0, endless], [20.0, 20.0]), None);
         assert_eq!(most_looks([0.0, 1.4], [0.5, 0.5]), Some(3.0));
+        let told = [vec![2.0, 3.0], vec![9.0, 1.0, 2.0]].map(|most| most_words(Way::Fast, &most));
+        assert_eq!(told, ["2.5 (2…3) in 2", "2 (1…9) in 3"].map(|looks| format!("*{}* {looks}", Way::Fast.name())));
     }
 }

@@ -155,8 +155,7 @@ pub fn rows(
 }
 
 /// Head of a table of rows, behind the cells that come first.
-pub const HEAD: &str =
-    "method | dB | worst block | as exact as asked | mean rank | bytes of a block | dense / bytes | multiply-adds |\n";
+pub const HEAD: &str = "method | dB | worst block | as exact as asked, within 5 % | mean rank | bytes of a block | dense / bytes | multiply-adds |\n";
 
 impl Row {
     fn new(method: Method, results: impl IntoIterator<Item = Result<Found>>) -> Row {
@@ -229,6 +228,11 @@ mod tests {
     fn found(db: f64, ratio: f64) -> Found {
         let multiply_adds = [8.0, 4.0];
         Found { db, worst_db: 30.0, n_enough: 2, mean_rank: 1.5, block_bytes: 400.0, ratio, multiply_adds }
+    }
+
+    #[test]
+    fn a_table_tells_how_exact_is_exact_enough() {
+        assert!(HEAD.contains(&format!(" within {:.0} % |", 100.0 * (ENOUGH - 1.0))), "{HEAD}");
     }
 
     #[test]
