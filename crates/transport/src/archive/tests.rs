@@ -213,6 +213,25 @@ fn of_a_damaged_half_done_bake_the_blocks_before_the_damage_are_taken_up() {
 }
 
 #[test]
+fn a_half_done_bake_is_read_in_memory_for_its_records_alone() {
+    use crate::basis::{ColumnGroup, ColumnKind, LightBasis, LightSource, SourceKind};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.part");
+    let (mut header, _) = part_of_fixture(&path);
+    // A place for each block of each group would take 2 TB.
+    let columns = || (0..1000u32).map(|nth| nth..nth + 1);
+    let source = |columns| LightSource::plain("lamp", SourceKind::Emitter, columns);
+    header.basis = LightBasis::new(columns().map(source).collect());
+    header.basis.groups = columns().map(|columns| ColumnGroup { kind: ColumnKind::Luminaire, columns }).collect();
+    header.column_scale = vec![1.0; 1000];
+    let side = crate::camera::Film::MAX_SIDE;
+    (header.width, header.height, header.tile) = (side, side, 1);
+    fs::write(&path, header_bytes(b"CLERPAR2", &header, Blocks::Plain)).unwrap();
+    let state = part_state(&path).unwrap();
+    assert_eq!((state.n_done, state.n_blocks, state.n_torn_bytes), (0, 1 << 28, 0));
+}
+
+#[test]
 fn half_done_bakes_of_older_programs_are_taken_up() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.part");
