@@ -14,6 +14,7 @@ use crate::bake::reuse::{NothingKept, Reuse};
 use crate::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, HalfDone, Indirect, Passes};
 use crate::basis::LightSource;
 use crate::camera::{Camera, Film};
+use crate::error_maps::BlockMap;
 use crate::fingerprint::digest;
 use crate::irradiance::IrradianceRows;
 use crate::light::LightRig;
@@ -169,6 +170,23 @@ fn a_new_lamp_is_traced_alone_and_the_other_columns_stay_to_the_last_bit() {
     assert!(read.header == again.header && bytes_of(&read) == bytes_of(&again));
     let (third, n_traced) = rebaked(job(scene(add_lamp)), &read);
     assert!(n_traced == 0 && column(&third, 0, "new") == column(&again, 0, "new"));
+}
+
+#[test]
+fn samples_are_told_over_all_columns_whoever_traced_them() {
+    let all = baked(job(scene(|_| {})));
+    let mut joined = all.clone();
+    // Columns of a panel that took half of the samples.
+    for block in joined.groups[1].blocks.iter_mut().flatten() {
+        Arc::make_mut(block).n_samples /= 2;
+    }
+    let samples = |bake: &Bake| bake.block_map(BlockMap::Samples)[0].expect("its blocks are there");
+    let [lamps, panel] = [0, 1].map(|group| all.groups[group].n_cols as f32);
+    let expected = samples(&all) * (lamps + 0.5 * panel) / (lamps + panel);
+    assert!((samples(&joined) - expected).abs() < 1e-3, "{} is not {expected}", samples(&joined));
+    let [whole, less] = [&all, &joined].map(|bake| bake.figures().skipped);
+    assert!(less.samples_saved > whole.samples_saved + 0.1, "{} and {}", less.samples_saved, whole.samples_saved);
+    assert_eq!(less.converged_blocks, joined.groups[1].blocks.len());
 }
 
 #[test]
