@@ -34,7 +34,7 @@ pub use under_way::UnderWay;
 use crate::bake::focus::Focus;
 use crate::bake::reuse::Reuse;
 use crate::bake::stack::SurveyedStack;
-use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, PackedMatrices, Passes};
+use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, Grounds, PackedMatrices, Passes};
 use crate::basis::ColumnGroup;
 use crate::irradiance::first_block;
 use crate::matrix::CHANNELS;
@@ -214,9 +214,13 @@ pub fn stack_to_file(
     restart: Restart,
     on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
 ) -> Result<Option<Bake>, BakeError> {
-    let header = stack.header().clone();
+    // While it is half-done it tells which program began it, so that no other goes on with it.
+    let header = BakeHeader { grounds: Some(Grounds::of_program()), ..stack.header().clone() };
     let place = (path, restart, Writing::Blocks);
-    keep(header, place, on_event, |header, done, on_event| stack.run_from(header, done, on_event))
+    keep(header, place, on_event, |header, done, on_event| {
+        let header = BakeHeader { grounds: None, ..Arc::unwrap_or_clone(header) };
+        stack.run_from(Arc::new(header), done, on_event)
+    })
 }
 
 /// Who hears of a bake.
