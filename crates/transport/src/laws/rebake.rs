@@ -236,6 +236,23 @@ fn a_lamp_that_is_gone_leaves_its_group_and_one_that_moved_is_traced_again() {
 }
 
 #[test]
+fn lamps_that_had_a_rank_in_common_have_it_where_few_of_them_are_left() {
+    let job_of = |change: fn(&mut Scene)| {
+        let mut job = job(scene(change));
+        job.config.denoise = false;
+        job
+    };
+    let lower_all = |scene: &mut Scene| scene.punctual.iter_mut().for_each(|lamp| lamp.position.y -= 0.2);
+    let earlier = baked(job_of(|_| {}));
+    assert_eq!((earlier.figures().lamps_together, &earlier.header.together), (3, &None));
+    let (again, n_traced) = rebaked(job_of(lower_all), &earlier);
+    assert_eq!((n_traced, again.figures().lamps_together), (2, 3), "one that stayed, and two beside each other");
+    // And once more, where nothing is traced.
+    let (third, n_traced) = rebaked(job_of(lower_all), &again);
+    assert_eq!((n_traced, third.header.together.clone()), (0, again.header.together.clone()));
+}
+
+#[test]
 fn what_every_column_sees_is_never_taken_over_when_it_has_changed() {
     let earlier = baked(job(scene(|_| {})));
     let why = |job: BakeJob| job.reuse(&earlier).err();
