@@ -58,11 +58,12 @@ pub struct LuxFigures {
 }
 
 impl LuxFigures {
-    /// Of values in lux, each with its weight; the weights need not sum to anything. Dark without values.
+    /// Of values in lux, each with its weight; the weights need not sum to anything, and what weighs nothing does not count. Dark without
+    /// values.
     pub fn of(values: impl IntoIterator<Item = (f64, f64)>) -> LuxFigures {
         let (mut points, mut sum, mut weights) = (0, 0.0, 0.0);
         let (mut minimum, mut maximum) = (f64::INFINITY, 0.0f64);
-        for (lux, weight) in values {
+        for (lux, weight) in values.into_iter().filter(|(_, weight)| *weight > 0.0) {
             // Ranks that are left out may take a dark point a little below nothing.
             let lux = lux.max(0.0);
             points += 1;
@@ -242,6 +243,8 @@ mod tests {
         let dark = LuxFigures::of([(-1e-3, 1.0)]);
         assert_eq!((dark.average, dark.uniformity(), dark.diversity()), (0.0, None, None));
         assert_eq!(LuxFigures::of([]).minimum, 0.0);
+        let beside_nothing = LuxFigures::of([(0.0, 0.0), (100.0, 1.0), (300.0, 1.0)]);
+        assert_eq!((beside_nothing.points, beside_nothing.minimum), (2, 100.0), "no surface, no point");
         assert_eq!([0.0, 2e-4, 0.25, 12.0, 480.4].map(lux_words), ["0", "2e-4", "0.25", "12.0", "480"]);
     }
 
@@ -336,6 +339,10 @@ mod tests {
         assert!(inside.average > mean && inside.average < 1.1 * mean, "{} for {mean}", inside.average);
         assert!(inside.minimum > lux(2.0, 2.0) && inside.minimum < 1.3 * lux(2.0, 2.0), "{inside:?}");
         assert!(told.average < mean, "the rim is half in the dark: {} for {mean}", told.average);
+        // Where nothing is seen no light arrives, and none is missing.
+        let all = Marks::rect(FILM, [[0.0; 2], [FILM.width as f32, FILM.height as f32]]);
+        let all = of_marks(&bake, plain(), &all, Some(&seen)).unwrap();
+        assert_eq!((all.points, all.minimum), (told.points, told.minimum));
     }
 
     #[test]

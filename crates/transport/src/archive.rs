@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clerestory_nystrom::codec::{CodecError, MIN_BLOCK_BYTES, decode_block, encode_block};
-use clerestory_nystrom::{BlockFactors, BlockLowRank, PackedMatrix, Partition};
+use clerestory_nystrom::{BlockFactors, PackedMatrix, Partition};
 use header::{Blocks, header_bytes, parse_header};
 use part::{Done, Part};
 pub use part::{PartState, part_state};
@@ -34,7 +34,8 @@ pub use under_way::UnderWay;
 use crate::bake::focus::Focus;
 use crate::bake::reuse::Reuse;
 use crate::bake::stack::SurveyedStack;
-use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, PackedMatrices, Passes};
+use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, Grounds, PackedMatrices, Passes};
+use crate::basis::ColumnGroup;
 use crate::irradiance::first_block;
 use crate::matrix::CHANNELS;
 
@@ -213,9 +214,13 @@ pub fn stack_to_file(
     restart: Restart,
     on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
 ) -> Result<Option<Bake>, BakeError> {
-    let header = stack.header().clone();
+    // While it is half-done it tells which program began it, so that no other goes on with it.
+    let header = BakeHeader { grounds: Some(Grounds::of_program()), ..stack.header().clone() };
     let place = (path, restart, Writing::Blocks);
-    keep(header, place, on_event, |header, done, on_event| stack.run_from(header, done, on_event))
+    keep(header, place, on_event, |header, done, on_event| {
+        let header = BakeHeader { grounds: None, ..Arc::unwrap_or_clone(header) };
+        stack.run_from(Arc::new(header), done, on_event)
+    })
 }
 
 /// Who hears of a bake.
@@ -374,7 +379,9 @@ fn decode_within(memory_bytes: Option<u64>, bytes: &[u8], path: &Path) -> Result
     let (mut matrices, mut rest) = (header.empty_matrices(), &bytes[offset..]);
     for (groups, partition) in matrices.iter_mut().zip(header.partitions()) {
         for block_idx in 0..partition.n_blocks() {
-            let len = read_block(rest, groups, block_idx).map_err(|error| damaged(path, error.to_string()))?;
+            let read = read_block(rest, &header.basis.groups, &partition, block_idx);
+            let (blocks, len) = read.map_err(|error| damaged(path, error.to_string()))?;
+            groups.iter_mut().zip(blocks).for_each(|(group, block)| group.blocks[block_idx] = block);
             rest = &rest[len..];
         }
     }
@@ -420,19 +427,25 @@ fn damaged(path: &Path, what: String) -> ArchiveError {
     ArchiveError::Damaged { path: path.into(), what }
 }
 
-fn read_block(bytes: &[u8], groups: &mut [BlockLowRank], block_idx: usize) -> Result<usize, CodecError> {
-    let mut offset = 0usize;
+/// The blocks of one place, one per group of columns, and their length in bytes; none of a group that has none there.
+#[expect(clippy::cast_possible_truncation, reason = "three")]
+fn read_block(
+    bytes: &[u8],
+    groups: &[ColumnGroup],
+    partition: &Partition,
+    block_idx: usize,
+) -> Result<(Vec<Option<Arc<BlockFactors>>>, usize), CodecError> {
+    let [.., w, h] = partition.rect(block_idx);
+    let n_rows = w.checked_mul(h).and_then(|n| n.checked_mul(CHANNELS as u32));
+    let (mut blocks, mut offset) = (Vec::with_capacity(groups.len()), 0usize);
     for group in groups {
         let (factors, len) = decode_block(&bytes[offset..])?;
-        let [.., w, h] = group.partition.rect(block_idx);
-        let n_rows = w.checked_mul(h).and_then(|n| n.checked_mul(group.bundle_len));
-        let fits = Some(factors.n_rows) == n_rows && factors.n_cols == group.n_cols;
-        if fits {
-            group.blocks[block_idx] = Some(Arc::new(factors));
-        } else if factors != BlockFactors::default() {
+        let fits = Some(factors.n_rows) == n_rows && factors.n_cols as usize == group.columns.len();
+        if !fits && factors != BlockFactors::default() {
             return Err(CodecError::Malformed("a block does not fit its place in the picture"));
         }
+        blocks.push(fits.then(|| Arc::new(factors)));
         offset = offset.checked_add(len).ok_or(CodecError::Malformed("a block is impossibly long"))?;
     }
-    Ok(offset)
+    Ok((blocks, offset))
 }

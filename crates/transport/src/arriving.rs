@@ -12,6 +12,7 @@ use crate::path::{Integrator, NoLights};
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 use crate::stop::Halt;
+use crate::streams::Stream;
 
 /// One point of each pixel, and which side of it counts.
 pub struct ArrivingPoints {
@@ -22,7 +23,7 @@ pub struct ArrivingPoints {
 /// Bytes that each pixel takes.
 pub const POINT_BYTES: usize = size_of::<Option<(Vec3, Vec3)>>();
 /// Stream of random numbers that nobody else uses.
-const STREAM: u64 = (14 << 58) + (1 << 57);
+const STREAM: u64 = Stream::Arriving.first();
 /// Pixels between two looks at whether somebody wants to leave.
 const AT_ONCE: usize = 1024;
 

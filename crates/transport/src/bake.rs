@@ -346,6 +346,10 @@ pub struct BakeHeader {
     /// Blocks of the picture that a time left as the preview made them, whose indirect light is shared and clamped.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub preview_blocks: u32,
+    /// Numbers of the groups whose lamps have a rank in common in each block, where the groups themselves do not tell: some were taken over
+    /// from an earlier bake, which had more lamps or fewer beside them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub together: Option<Vec<u32>>,
     /// Truncation and sampling error of each column of lights: mean square over the square of its peak in the picture, 0 of a column that
     /// lights nothing. Known at the end of a bake; none where the halves did not tell.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -604,6 +608,7 @@ impl BakeJob {
             sky_reach,
             sharing_bias: None,
             preview_blocks: 0,
+            together: None,
             column_error: Vec::new(),
             irradiance: self.irradiance_headers(&dark, focus)?,
             patches: None,
@@ -810,13 +815,23 @@ impl BakeHeader {
     /// Lamps that have a rank in common in each block of the picture, as they are too many to be kept apart, or as nothing takes out noise:
     /// what is weak or unsure of one alone may be left out there. 0 where there are none, and by other methods.
     pub(crate) fn n_lamps_together(&self) -> usize {
+        let n_lamps = |group: u32| self.basis.groups.get(group as usize).map_or(0, |group| group.columns.len());
+        self.groups_together().into_iter().map(n_lamps).sum()
+    }
+
+    /// Numbers of the groups that these are.
+    pub(crate) fn groups_together(&self) -> Vec<u32> {
+        if let Some(together) = &self.together {
+            return together.clone();
+        }
         if self.basis.is_measured() || self.config.method != Method::default() {
-            return 0;
+            return Vec::new();
         }
         let n_pixels = self.width as usize * self.height as usize;
         let most = if self.config.denoise { n_lamps_apart(&self.basis, n_pixels, LAMPS_APART) } else { 0 };
-        let lens = self.basis.groups.iter().filter(|group| apart(group.kind) > 0.0).map(|group| group.columns.len());
-        lens.filter(|len| *len > most.max(1)).sum()
+        let groups = (0u32..).zip(&self.basis.groups);
+        let together = groups.filter(|(_, group)| apart(group.kind) > 0.0 && group.columns.len() > most.max(1));
+        together.map(|(number, _)| number).collect()
     }
 }
 

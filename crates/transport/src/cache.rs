@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted, scale_columns};
 use crate::path::{Deposit, KnownAt, Onto, Scratch};
 use crate::sampler::Sampler;
+use crate::streams::Stream;
 
 pub(crate) use cells::Place;
 use cells::{Cells, Scout};
@@ -47,7 +48,7 @@ const MOST_BYTES: usize = 1 << 28;
 /// Fewest cells, where as many are met, and most.
 const CELLS: [usize; 2] = [512, 6144];
 /// Stream of random numbers that neither pixels nor nodes use.
-const STREAM: u64 = 3 << 61;
+const STREAM: u64 = Stream::CacheScouts.first();
 
 impl LightCache {
     /// Fills a cache with what walks from the given places meet; `None` if `on_part` says stop.

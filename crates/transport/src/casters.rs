@@ -23,6 +23,7 @@ use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material};
 use crate::stop::{Stop, Stopped};
+use crate::streams::Stream;
 
 /// Casters of a scene, and the light that they throw.
 #[derive(Debug)]
@@ -99,7 +100,7 @@ const FINE: f32 = 0.75;
 /// Share of the light of a cell that its neighbors expect as well, each.
 const SPILL: f32 = 0.05;
 /// Stream of random numbers that nobody else uses.
-const STREAM: u64 = 5 << 58;
+const STREAM: u64 = Stream::Casters.first();
 
 impl Casters {
     /// Finds them; `None` where there are none, or no light that they throw.

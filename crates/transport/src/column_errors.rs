@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::bake::{Bake, BakeHeader};
-use crate::basis::{ColumnKind, LightBasis, LightSource};
+use crate::basis::{ColumnGroup, ColumnKind, LightBasis, LightSource};
 use crate::error_maps::{Layer, Spread};
 use crate::figures::BEST_DB;
 use crate::irradiance::IrradianceHeader;
@@ -129,18 +129,27 @@ impl Bake {
 }
 
 impl BakeHeader {
-    /// Error of the light of the file in a matrix of irradiance, below that light at the peaks of its columns, dB; what columns are off by
-    /// is taken for independent. `None` where they do not tell.
-    pub(crate) fn light_error_db(&self, set: usize) -> Option<f32> {
+    /// Error of the light of the file in a matrix of irradiance, given its groups of lights, below that light at the peaks of its columns,
+    /// dB; what columns are off by is taken for independent. `None` where they do not tell.
+    pub(crate) fn light_error_db(&self, set: usize, groups: &[BlockLowRank]) -> Option<f32> {
         let IrradianceHeader { column_scale, column_error, .. } = &self.irradiance[set];
-        let light = self.basis.file_light(column_scale);
-        let (mut error, mut peak) = (0.0f64, 0.0f64);
-        for (light, own) in light.iter().zip(column_error).filter(|(_, own)| **own > 0.0) {
-            let light = f64::from(light.abs());
-            error += light * light * f64::from(*own);
-            peak += light;
+        if column_error.is_empty() {
+            return None;
         }
-        let db = (-10.0 * (error / (peak * peak)).log10()) as f32;
+        // Errors are told over the squares of these.
+        let peaks_of = |(group, of): (&BlockLowRank, &ColumnGroup)| match of.kind {
+            ColumnKind::Sky => vec![1.0; group.n_cols as usize],
+            _ => peaks(group, std::convert::identity),
+        };
+        let peaks = groups.iter().zip(&self.basis.groups).flat_map(peaks_of);
+        let light = self.basis.file_light(column_scale);
+        let (mut error, mut whole) = (0.0f64, 0.0f64);
+        for ((light, own), peak) in light.iter().zip(column_error).zip(peaks).filter(|((_, own), _)| **own > 0.0) {
+            let shown = f64::from(light.abs()) * f64::from(peak);
+            error += shown * shown * f64::from(*own);
+            whole += shown;
+        }
+        let db = (-10.0 * (error / (whole * whole)).log10()) as f32;
         db.is_finite().then(|| db.min(BEST_DB))
     }
 
@@ -199,6 +208,19 @@ mod tests {
         let told = before.after(&[group([100.0, 100.0], 1e-4 + 1e-2)], &basis);
         let expected: [f32; 2] = [1e-2 + 1e-4, (1e-2 + 1e-4) / 0.25];
         assert!(told.iter().zip(expected).all(|(told, error)| (told / error - 1.0).abs() < 0.01), "{told:?}");
+    }
+
+    #[test]
+    fn a_column_far_below_its_scale_weighs_in_the_light_by_what_it_shows() {
+        let bytes = include_bytes!("../tests/data/v3.transport");
+        let read = crate::archive::decode(bytes, std::path::Path::new("a.transport")).unwrap();
+        let mut header = BakeHeader { basis: basis(SourceKind::Point), ..BakeHeader::clone(&read.header) };
+        header.irradiance[0].column_scale = vec![1.0; 2];
+        // Each is off by 0.01.
+        header.irradiance[0].column_error = vec![1e-4, 1.0];
+        let told = header.light_error_db(0, &[group([1.0, 0.01], 0.0)]).unwrap();
+        let expected = -10.0 * (2e-4 / 1.01f32.powi(2)).log10();
+        assert!((told - expected).abs() < 0.05, "{told} dB, {expected} dB");
     }
 
     #[test]

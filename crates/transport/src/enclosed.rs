@@ -11,6 +11,7 @@ use crate::emitters::{Emitter, punctual_falloff};
 use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::{Sampler, cosine_around, uniform_sphere};
 use crate::scene::{PunctualKind, PunctualLight};
+use crate::streams::Stream;
 
 /// Directions that are looked into from a lamp: few tell most apart, more find narrow openings.
 const DIRECTIONS: [u32; 2] = [64, 512];
@@ -20,7 +21,7 @@ const DIRECTIONS_OF_SURFACES: [u32; 2] = [64, 2048];
 const MOST_M: f32 = 2.0;
 const MOST_OF_EXTENT: f32 = 0.15;
 /// Stream of random numbers that nobody else uses.
-const STREAM: u64 = 5 << 60;
+const STREAM: u64 = Stream::Enclosed.first();
 /// The same for where walls throw light.
 const STREAM_OF_WALLS: u64 = STREAM | 1;
 

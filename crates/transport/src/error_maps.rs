@@ -69,7 +69,7 @@ pub enum BlockMap {
     Rank,
     /// A layer of the error, dB below the columns' peaks.
     Error(ErrorLayer),
-    /// Samples per pixel that were taken.
+    /// Samples per pixel that were taken, the mean over the columns where some were taken over from an earlier bake.
     Samples,
 }
 
@@ -114,12 +114,11 @@ impl Bake {
 
     /// One value per block of the picture, row by row from the top left; none where a block is not there.
     pub fn block_map(&self, what: BlockMap) -> Layer {
-        let first = |block_idx: usize| self.groups.first()?.blocks.get(block_idx)?.as_ref();
         let value = |block_idx: usize| {
-            let block = first(block_idx)?;
+            let samples = self.samples(block_idx)?;
             match what {
                 BlockMap::Rank => Some(self.rank(block_idx) as f32),
-                BlockMap::Samples => Some(block.n_samples as f32),
+                BlockMap::Samples => Some(samples as f32),
                 BlockMap::Error(layer) => self.block_db(block_idx, layer),
             }
         };

@@ -246,13 +246,23 @@ impl Bake {
         self.groups.iter().filter_map(|group| Some(group.blocks.get(block_idx)?.as_ref()?.rank)).sum()
     }
 
+    /// Samples of a block, the mean over the columns of lights: groups that were taken over from an earlier bake have their own.
+    pub(crate) fn samples(&self, block_idx: usize) -> Option<f64> {
+        let groups = if self.groups_of_lights().is_empty() { &self.groups[..] } else { self.groups_of_lights() };
+        let of_group = |group: &BlockLowRank| {
+            let (block, n_cols) = (group.blocks.get(block_idx)?.as_ref()?, f64::from(group.n_cols));
+            Some([f64::from(block.n_samples) * n_cols, n_cols])
+        };
+        let [sum, n_cols] = groups.iter().filter_map(of_group).reduce(|a, b| [a[0] + b[0], a[1] + b[1]])?;
+        Some(sum / n_cols)
+    }
+
     fn skipped(&self) -> Skipped {
         let factors = || self.groups.iter().flat_map(|g| g.blocks.iter().flatten());
         let full = 2 * self.header.config.samples_per_half();
-        // All groups of a block share their samples: the first group speaks for all.
-        let taken: Vec<u32> =
-            self.groups.first().map_or(vec![], |g| g.blocks.iter().flatten().map(|b| b.n_samples).collect());
-        let share = taken.iter().map(|&n| f64::from(n)).sum::<f64>() / (f64::from(full) * taken.len().max(1) as f64);
+        let taken: Vec<f64> =
+            (0..self.header.partition().n_blocks()).filter_map(|block_idx| self.samples(block_idx)).collect();
+        let share = taken.iter().sum::<f64>() / (f64::from(full) * taken.len().max(1) as f64);
         let (header, spared) = (&self.header, &self.header.spared);
         let dark = spared.dark_sources.iter().filter_map(|&source| header.basis.sources.get(source as usize));
         let (closed, lamps): (Vec<_>, Vec<_>) = dark.partition(|source| is_beyond(source.kind));
@@ -285,7 +295,7 @@ impl Bake {
             sky_patches: unseen,
             dark_columns: factors().map(|block| block.n_zero_columns()).sum(),
             dark_blocks: factors().filter(|b| b.rank == 0 && b.sparse.is_empty()).count(),
-            converged_blocks: taken.iter().filter(|&&n| n < full).count(),
+            converged_blocks: taken.iter().filter(|&&n| n < f64::from(full)).count(),
             samples_saved: if taken.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },
         }
     }

@@ -14,13 +14,14 @@ use crate::camera::{Camera, Film};
 use crate::matrix::CHANNELS;
 use crate::prepared::{PreparedScene, next_after};
 use crate::sampler::Sampler;
+use crate::streams::Stream;
 
 /// Looks at each pixel.
 const LOOKS: u32 = 4;
 /// Mirrors and panes that a look passes at most.
 const MOST_MIRRORS: usize = 8;
 /// Streams of random numbers that nobody else uses.
-const STREAM: u64 = 1 << 57;
+const STREAM: u64 = Stream::Guides.first();
 /// Difference of unit normals, and of the share of a pixel that shines, at which likeness falls to 1/e.
 const TURN: f32 = 0.3;
 const SHINING: f32 = 0.1;

@@ -177,7 +177,7 @@ impl Bake {
             // The columns of patches are measured against lamps that no bake knows, not against lights of the scene.
             let of_lights = &groups[..groups.len() - usize::from(self.header.patches.is_some())];
             let mut error_db = error_db(of_lights, header.sharing_bias);
-            if let Some(of_light) = self.header.light_error_db(set) {
+            if let Some(of_light) = self.header.light_error_db(set, of_lights) {
                 error_db.total = error_db.total.min(of_light);
             }
             IrradianceFigures {

@@ -46,6 +46,7 @@ pub mod skips;
 pub mod sky;
 mod slabs;
 pub mod stop;
+mod streams;
 pub mod texture;
 pub mod trace;
 mod unlit;

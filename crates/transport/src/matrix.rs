@@ -23,6 +23,7 @@ use crate::plan::MatrixPlan;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 use crate::sky::SkyPicks;
+use crate::streams::Stream;
 
 /// Rows per pixel: red, green, blue.
 pub const CHANNELS: usize = 3;
@@ -41,7 +42,7 @@ pub struct TransportMatrix<'a> {
 }
 
 /// Streams of random numbers of rows of irradiance, which no pixel and no node uses: of pixels and of grids.
-const IRRADIANCE_STREAMS: [u64; 2] = [1 << 60, 1 << 61];
+const IRRADIANCE_STREAMS: [u64; 2] = [Stream::PixelIrradiance.first(), Stream::GridIrradiance.first()];
 
 /// Pixels that measure how bright each column is, about; the samples of each half, most where columns are few; and the entries that they may
 /// hold together.

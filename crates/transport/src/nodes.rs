@@ -14,6 +14,7 @@ use crate::camera::Film;
 use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted, median, scale_columns};
 use crate::path::{Gathering, Onto, Scratch};
 use crate::sampler::Sampler;
+use crate::streams::Stream;
 
 /// Distance between nodes in pixels, of a picture that is at least [`FULL_WIDTH`] wide; less in smaller ones.
 const SPACING: u32 = 4;
@@ -21,7 +22,7 @@ const FULL_WIDTH: u32 = 384;
 /// Most memory that nodes may take.
 const MOST_BYTES: usize = 1 << 30;
 /// Stream of random numbers that no pixel uses.
-const STREAM: u64 = 1 << 62;
+const STREAM: u64 = Stream::Nodes.first();
 /// Parts of the grid after which it is asked whether to go on.
 const PARTS: usize = 32;
 

@@ -374,6 +374,11 @@ impl PicturePlan {
     }
 }
 
+/// A number in one of `n` equal stretches of [0, 1). In single precision the later stretches would lose the last digits of `u`, and end at 1.
+fn within_stretch(nth: u32, n: u32, u: f32) -> f64 {
+    (f64::from(nth) + f64::from(u)) / f64::from(n)
+}
+
 impl LightPlan for PicturePlan {
     fn later(&self, _: Vec3, _: impl FnOnce() -> f32) -> Vertex {
         Vertex::Later
@@ -384,7 +389,7 @@ impl LightPlan for PicturePlan {
         let Some(&(_, total)) = self.cumulative.last() else { return };
         let n = PicturePlan::picks_at(vertex);
         for nth in 0..n {
-            let at = f64::from(nth as f32 + sampler.next_1d()) / f64::from(n) * total;
+            let at = within_stretch(nth, n, sampler.next_1d()) * total;
             let chosen = self.cumulative.partition_point(|&(_, sum)| sum <= at).min(self.cumulative.len() - 1);
             let column = self.cumulative[chosen].0;
             picks.push(Pick { column, inverse_rate: 1.0 / (n as f32 * self.probability[column as usize]) });
@@ -435,6 +440,14 @@ mod tests {
                 assert!(told > 0.1, "{vertex:?}, column {column}: {told} picks");
                 assert!((found / told - 1.0).abs() < 0.1, "{vertex:?}, column {column}: {found} picks, told {told}");
             }
+        }
+    }
+
+    #[test]
+    fn every_stretch_tells_all_random_numbers_apart() {
+        for nth in 0..4 {
+            let [below, last] = [2.0, 1.0].map(|ulps| within_stretch(nth, 4, 1.0 - ulps * 0.5 * f32::EPSILON));
+            assert!(below < last && last < f64::from(nth + 1) / 4.0, "stretch {nth}: {below}, {last}");
         }
     }
 

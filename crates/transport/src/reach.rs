@@ -21,6 +21,7 @@ use crate::prepared::{PreparedScene, next_after};
 use crate::sampler::{Sampler, uniform_sphere};
 use crate::scene::{PunctualKind, PunctualLight};
 use crate::skips::{Skip, Spared};
+use crate::streams::Stream;
 
 /// Walks that look for light, and surfaces that each of them meets.
 const WALKS: u32 = 64;
@@ -28,7 +29,7 @@ const SURFACES: u32 = 8;
 /// Triangles of a light times those of the scene up to which it is asked whether it looks away from all of them.
 const MOST_PAIRS: usize = 1 << 26;
 /// Stream of random numbers that nobody else uses.
-const STREAM: u64 = 7 << 59;
+const STREAM: u64 = Stream::Reach.first();
 
 impl PreparedScene {
     /// What is found needless of the scene itself, and the lights that light nothing of what is seen from `eye`.

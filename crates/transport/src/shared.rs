@@ -18,6 +18,7 @@ use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix};
 use crate::nodes::Nodes;
 use crate::path::{Deposit, KnownAt, Onto, Scratch};
 use crate::sampler::{Sampler, uniform_hash};
+use crate::streams::Stream;
 
 /// A matrix with nodes to take indirect light from.
 pub(crate) struct SharedMatrix<'a> {
@@ -77,7 +78,7 @@ impl SharedMatrix<'_> {
 }
 
 /// Streams of random numbers of the middles of pixels, which nobody else uses.
-const MIDDLE_STREAM: u64 = 1 << 59;
+const MIDDLE_STREAM: u64 = Stream::Middles.first();
 
 /// Pixels that tell what sharing changes, and their samples for each half: fewest, and most.
 const PROBES: usize = 256;

@@ -13,6 +13,7 @@ use crate::path::{Integrator, Scratch};
 use crate::plan::PicturePlan;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
+use crate::streams::Stream;
 use crate::trace::PictureDeposit;
 
 /// Places of the picture where paper is held, along each side of it, and samples of each.
@@ -21,7 +22,7 @@ const SAMPLES: u32 = 64;
 /// Width that the picture is taken to have: enough for its height to be nearly that of the camera's shape.
 const WIDTH_PX: u32 = 960;
 /// Stream of random numbers that nobody else uses.
-const STREAM: u64 = 5 << 59;
+const STREAM: u64 = Stream::Unlit.first();
 
 /// Said of a scan with its light baked in.
 const NO_OTHERS: &str = "; there are no other surfaces, so that no light changes the picture: export it with lit materials, without KHR_materials_unlit";

@@ -30,6 +30,7 @@ use crate::lamps::PreparedLamps;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 use crate::stop::Halt;
+use crate::streams::Stream;
 
 /// How pixels are looked at.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -70,7 +71,7 @@ struct Band {
 /// Rows of a band and side of a tile, pixels.
 const TILE: u32 = 16;
 /// Streams of random numbers that nobody else uses.
-const STREAM: u64 = 14 << 58;
+const STREAM: u64 = Stream::Visible.first();
 
 impl VisiblePoints {
     /// Looks at every pixel; `None` when `stop` asked to, which is asked tile by tile.

@@ -4,6 +4,7 @@
 //! is handed to the system in one piece before anybody is told of the block, so that a killed program loses the blocks
 //! that it was working on and no other.
 
+use std::collections::HashSet;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -15,7 +16,7 @@ use clerestory_nystrom::{BlockFactors, Partition};
 use super::header::{Blocks, header_bytes, parse_header};
 use super::{ArchiveError, Restart, at, damaged, read_block};
 use crate::bake::BakeHeader;
-use crate::irradiance::{block_of, locate};
+use crate::irradiance::locate;
 
 pub(super) const MAGIC: &[u8; 8] = b"CLERPAR2";
 /// Of programs whose records had no checksum of their own.
@@ -188,19 +189,20 @@ fn record(number: usize, factors: &[Arc<BlockFactors>], seal: Seal) -> Vec<u8> {
 
 /// Whole records of a half-done bake, and where they end.
 pub(super) fn read_records(bytes: &[u8], mut offset: usize, seal: Seal, header: &BakeHeader) -> (Done, usize) {
-    let (mut done, mut matrices) = (Done::new(), header.empty_matrices());
+    // Memory is asked for in proportion to the records alone, whatever size the header tells.
+    let (mut done, mut numbers) = (Done::new(), HashSet::new());
     let partitions = header.partitions();
     while let Some((index, blocks)) = bytes[offset..].split_first_chunk::<INDEX_LEN>() {
         let number = u32::from_le_bytes(*index) as usize;
         let Some((matrix, block_idx)) = locate(&partitions, number) else { break };
-        let groups = &mut matrices[matrix];
-        if groups.first().is_some_and(|g| g.blocks[block_idx].is_some()) {
+        if !numbers.insert(number) {
             break;
         }
-        let Ok(len) = read_block(blocks, groups, block_idx) else { break };
+        let read = read_block(blocks, &header.basis.groups, &partitions[matrix], block_idx);
+        let Ok((factors, len)) = read else { break };
         let Some(end) = offset.checked_add(INDEX_LEN).and_then(|end| end.checked_add(len)) else { break };
         let Some(end) = sealed_end(bytes, offset..end, seal) else { break };
-        let Some(factors) = block_of(groups, block_idx) else { break };
+        let Some(factors) = factors.into_iter().collect::<Option<Vec<_>>>() else { break };
         done.push((number, factors));
         offset = end;
     }

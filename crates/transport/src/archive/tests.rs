@@ -213,6 +213,25 @@ fn of_a_damaged_half_done_bake_the_blocks_before_the_damage_are_taken_up() {
 }
 
 #[test]
+fn a_half_done_bake_is_read_in_memory_for_its_records_alone() {
+    use crate::basis::{ColumnGroup, ColumnKind, LightBasis, LightSource, SourceKind};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.part");
+    let (mut header, _) = part_of_fixture(&path);
+    // A place for each block of each group would take 2 TB.
+    let columns = || (0..1000u32).map(|nth| nth..nth + 1);
+    let source = |columns| LightSource::plain("lamp", SourceKind::Emitter, columns);
+    header.basis = LightBasis::new(columns().map(source).collect());
+    header.basis.groups = columns().map(|columns| ColumnGroup { kind: ColumnKind::Luminaire, columns }).collect();
+    header.column_scale = vec![1.0; 1000];
+    let side = crate::camera::Film::MAX_SIDE;
+    (header.width, header.height, header.tile) = (side, side, 1);
+    fs::write(&path, header_bytes(b"CLERPAR2", &header, Blocks::Plain)).unwrap();
+    let state = part_state(&path).unwrap();
+    assert_eq!((state.n_done, state.n_blocks, state.n_torn_bytes), (0, 1 << 28, 0));
+}
+
+#[test]
 fn half_done_bakes_of_older_programs_are_taken_up() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.part");
@@ -420,6 +439,41 @@ fn a_half_done_bake_of_another_version_of_the_program_is_not_taken_up() {
     assert_eq!(said.as_deref(), Some("another version of the program began it"));
     // Files of before say nothing of it.
     assert_eq!(part::difference(&header, &header), None);
+}
+
+#[test]
+fn a_half_done_bake_of_pictures_tells_which_program_began_it() {
+    use clerestory_nystrom::rivals::Method;
+    use image::{Rgb, RgbImage};
+
+    use crate::bake::stack::{MEMORY_BYTES, StackJob};
+    use crate::import::stack::ImageStack;
+    let [pictures, out] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    for nth in 0..2u8 {
+        let picture = RgbImage::from_fn(40, 8, |x, y| Rgb([6 * x as u8, 100 * nth, 30 * y as u8]));
+        picture.save(pictures.path().join(format!("{nth}.png"))).unwrap();
+    }
+    let path = out.path().join("a.transport");
+    let bake = |stops: bool| {
+        let stack = Arc::new(ImageStack::open(pictures.path()).unwrap());
+        let (method, memory_bytes) = (Method::default(), MEMORY_BYTES);
+        let job = StackJob { stack, tolerance_db: 40.0, method, block: 16, seed: 0, memory_bytes };
+        let surveyed = job.survey(&mut |_: BakeEvent| ControlFlow::Continue(())).unwrap().unwrap();
+        let on_event = |event: BakeEvent| match event {
+            BakeEvent::BlockDone { .. } if stops => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        };
+        stack_to_file(surveyed, &path, Restart::Resume, on_event).unwrap()
+    };
+    assert!(bake(true).is_none());
+    let bytes = fs::read(part_of(&path)).unwrap();
+    let (header, ..) = part::understood(&bytes, &path).unwrap().expect("a block was kept");
+    let mut other = header.clone();
+    other.grounds.as_mut().expect("it tells its program").settings = "those".into();
+    let said = part::difference(&other, &header);
+    assert_eq!(said.as_deref(), Some("another version of the program began it"));
+    // The bake itself rests on no surfaces.
+    assert_eq!(bake(false).expect("nobody stops it").header.grounds, None);
 }
 
 #[test]

@@ -33,12 +33,19 @@ pub struct Grounds {
 }
 
 /// Raised whenever the same scene and settings give other bytes than before.
-const REVISION: u32 = 4;
+const REVISION: u32 = 5;
 
 /// Before the hash of a lamp without strength in its file: its columns may never have been traced.
 const OFF: &str = "off-";
 
 impl Grounds {
+    /// Of pictures that are half-done: the version of the program alone. What the pictures are, their fingerprint tells.
+    pub(crate) fn of_program() -> Grounds {
+        let settings = serde_json::to_vec(&program()).expect("a version always has a JSON form");
+        let (surfaces, view) = (String::new(), String::new());
+        Grounds { surfaces, seen: None, view, settings: hash_of(&settings), lights: Vec::new() }
+    }
+
     /// A hash of all but the lights: bakes that share it may have columns in common.
     pub fn common(&self) -> String {
         let surfaces = self.seen.as_ref().unwrap_or(&self.surfaces);
@@ -50,7 +57,8 @@ impl BakeJob {
     /// What its columns will rest on.
     pub fn grounds(&self) -> Grounds {
         let skips: Vec<Skip> = self.scene.skips.off().into_iter().filter(|skip| *skip != Skip::Reuse).collect();
-        let settings = (env!("CARGO_PKG_VERSION"), REVISION, &self.config, skips);
+        let (version, revision) = program();
+        let settings = (version, revision, &self.config, skips);
         let settings = serde_json::to_vec(&settings).expect("settings always have a JSON form");
         let (n_lights, maps) = (self.scene.lighting.emitters.len(), maps_of_lights(&self.scene.scene));
         let out = shut_out(&self.scene, self.camera.position());
@@ -108,6 +116,11 @@ impl BakeHeader {
         let maps = maps_of_lights(&prepared.scene);
         grounds.lights.get(baked).is_some_and(|baked| *baked == of_light(prepared, &maps, own))
     }
+}
+
+/// What of the program decides bytes.
+fn program() -> (&'static str, u32) {
+    (env!("CARGO_PKG_VERSION"), REVISION)
 }
 
 /// Of a camera, and of the sides of its picture and of a block.

@@ -391,7 +391,8 @@ impl Reuse {
         // A bake of the new lights alone has them in the order of the job.
         let sources: Vec<(Option<usize>, usize)> =
             kept.chain(self.fresh.iter().map(|&of_job| (None, of_job))).collect();
-        let mut header = BakeHeader { basis: self.joined_basis(&sources, new), ..self.header.clone() };
+        let mut header = BakeHeader { basis: self.joined_basis(&sources, new), together: None, ..self.header.clone() };
+        header.together = self.joined_together(&header, new);
         let of_lights = |old: &[f32], new: Option<&[f32]>| -> Vec<f32> {
             let starts = self.parts.iter().map(|part| earlier.basis.groups[part.group].columns.start);
             let columns = self.parts.iter().zip(starts);
@@ -470,6 +471,15 @@ impl Reuse {
             Some(patches) => basis.with_patches(patches.n_columns() as u32),
             None => basis,
         }
+    }
+
+    /// [`BakeHeader::together`] of the whole, given its header without that.
+    fn joined_together(&self, header: &BakeHeader, new: Option<&BakeHeader>) -> Option<Vec<u32>> {
+        let there = self.earlier.header.groups_together();
+        let kept = (0u32..).zip(&self.parts).filter(|(_, part)| there.contains(&(part.group as u32)));
+        let added = new.into_iter().flat_map(BakeHeader::groups_together).map(|group| self.parts.len() as u32 + group);
+        let together: Vec<u32> = kept.map(|(number, _)| number).chain(added).collect();
+        (together != header.groups_together()).then_some(together)
     }
 
     fn joined_spared(&self, sources: &[(Option<usize>, usize)], new: Option<&BakeHeader>) -> Spared {

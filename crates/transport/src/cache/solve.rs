@@ -4,17 +4,20 @@ use clerestory_nystrom::Half;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::CachePlan;
 use super::cells::{Cells, POINTS, Place};
-use super::{CachePlan, STREAM};
 use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted};
 use crate::path::{Deposit, KnownAt, Onto, Scratch};
 use crate::sampler::Sampler;
+use crate::streams::Stream;
 
 /// Sweeps at most, and the change of a sweep at which the rest is not worth another.
 const SWEEPS: u32 = 16;
 const SETTLED: f64 = 2e-3;
 /// Most columns for which more than one point of a cell asks the lamps.
 const FEW_COLUMNS: usize = 256;
+/// The first of all cells' streams of random numbers.
+const STREAM: u64 = Stream::CacheCells.first();
 /// Streams of a cell.
 const STREAMS: u64 = 4;
 
@@ -34,7 +37,7 @@ struct Receipt {
 /// The light of all cells, cell by cell three rows of all columns.
 pub(super) fn light(matrix: &TransportMatrix<'_>, cells: &Cells, half: Half, plan: CachePlan) -> Vec<f32> {
     let receive = |scratch: &mut Scratch, (nth, points): (usize, &Vec<Place>)| {
-        let stream = STREAM + (1 << 60) + nth as u64 * STREAMS + u64::from(half == Half::B);
+        let stream = STREAM + nth as u64 * STREAMS + u64::from(half == Half::B);
         receipt((matrix, cells), (points, half), (stream, plan.walks), scratch)
     };
     let receipts: Vec<Receipt> = cells.points.par_iter().enumerate().map_init(Scratch::default, receive).collect();

@@ -14,6 +14,7 @@ use crate::bake::reuse::{NothingKept, Reuse};
 use crate::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, HalfDone, Indirect, Passes};
 use crate::basis::LightSource;
 use crate::camera::{Camera, Film};
+use crate::error_maps::BlockMap;
 use crate::fingerprint::digest;
 use crate::irradiance::IrradianceRows;
 use crate::light::LightRig;
@@ -172,6 +173,23 @@ fn a_new_lamp_is_traced_alone_and_the_other_columns_stay_to_the_last_bit() {
 }
 
 #[test]
+fn samples_are_told_over_all_columns_whoever_traced_them() {
+    let all = baked(job(scene(|_| {})));
+    let mut joined = all.clone();
+    // Columns of a panel that took half of the samples.
+    for block in joined.groups[1].blocks.iter_mut().flatten() {
+        Arc::make_mut(block).n_samples /= 2;
+    }
+    let samples = |bake: &Bake| bake.block_map(BlockMap::Samples)[0].expect("its blocks are there");
+    let [lamps, panel] = [0, 1].map(|group| all.groups[group].n_cols as f32);
+    let expected = samples(&all) * (lamps + 0.5 * panel) / (lamps + panel);
+    assert!((samples(&joined) - expected).abs() < 1e-3, "{} is not {expected}", samples(&joined));
+    let [whole, less] = [&all, &joined].map(|bake| bake.figures().skipped);
+    assert!(less.samples_saved > whole.samples_saved + 0.1, "{} and {}", less.samples_saved, whole.samples_saved);
+    assert_eq!(less.converged_blocks, joined.groups[1].blocks.len());
+}
+
+#[test]
 fn what_a_file_says_of_strength_color_and_name_needs_no_rays() {
     let earlier = baked(job(scene(|_| {})));
     let (again, n_traced) = rebaked(job(scene(other_strengths)), &earlier);
@@ -215,6 +233,23 @@ fn a_lamp_that_is_gone_leaves_its_group_and_one_that_moved_is_traced_again() {
 
     let (_, n_traced) = rebaked(job(scene(lower_a_lamp)), &earlier);
     assert_eq!(n_traced, 1);
+}
+
+#[test]
+fn lamps_that_had_a_rank_in_common_have_it_where_few_of_them_are_left() {
+    let job_of = |change: fn(&mut Scene)| {
+        let mut job = job(scene(change));
+        job.config.denoise = false;
+        job
+    };
+    let lower_all = |scene: &mut Scene| scene.punctual.iter_mut().for_each(|lamp| lamp.position.y -= 0.2);
+    let earlier = baked(job_of(|_| {}));
+    assert_eq!((earlier.figures().lamps_together, &earlier.header.together), (3, &None));
+    let (again, n_traced) = rebaked(job_of(lower_all), &earlier);
+    assert_eq!((n_traced, again.figures().lamps_together), (2, 3), "one that stayed, and two beside each other");
+    // And once more, where nothing is traced.
+    let (third, n_traced) = rebaked(job_of(lower_all), &again);
+    assert_eq!((n_traced, third.header.together.clone()), (0, again.header.together.clone()));
 }
 
 #[test]

@@ -16,6 +16,7 @@ use crate::path::through_glass;
 use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::slabs::IN_A_ROW;
+use crate::streams::Stream;
 
 /// Light that leaves a lamp along a ray.
 #[derive(Clone, Copy, Debug)]
@@ -61,9 +62,9 @@ const COVERED: f32 = 0.25;
 /// Rays from above each sample of a patch that tell its area.
 const PROBES: u32 = 64;
 /// Stream of random numbers that nobody else uses, that of beams, and that of what is seen of them.
-const AREA_STREAM: u64 = 16 << 58;
-const BEAM_STREAM: u64 = AREA_STREAM + (1 << 57);
-const SIGHT_STREAM: u64 = AREA_STREAM + (1 << 56);
+const AREA_STREAM: u64 = Stream::PatchAreas.first();
+const BEAM_STREAM: u64 = Stream::PatchBeams.first();
+const SIGHT_STREAM: u64 = Stream::PatchSight.first();
 
 /// 0 up to the first bound, 1 from the second, smooth in between.
 pub(super) fn smoothly([from, to]: [f32; 2], x: f32) -> f32 {

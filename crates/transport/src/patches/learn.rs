@@ -21,6 +21,7 @@ use crate::light::luminance;
 use crate::path::{Integrator, NoLights, Onward};
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
+use crate::streams::Stream;
 
 /// Light on patches, for each column: numbers of eight significant bits, whose rounding is 56 dB below the light and of another sign
 /// from patch to patch. The table is read from far away, a row of it for each walk.
@@ -67,10 +68,10 @@ const NEAR: f32 = 0.03;
 /// Least radius of a patch in distances to those around it; where patches are even it is half a distance.
 const LEAST_SPACING: f32 = 0.25;
 /// Streams of random numbers that nobody else uses.
-const SCOUT_STREAM: u64 = 10 << 58;
-const EXCHANGE_STREAM: u64 = 11 << 58;
-const PIXEL_STREAM: u64 = 12 << 58;
-const TRIAL_STREAM: u64 = 13 << 58;
+const SCOUT_STREAM: u64 = Stream::PatchScouts.first();
+const EXCHANGE_STREAM: u64 = Stream::PatchExchange.first();
+const PIXEL_STREAM: u64 = Stream::PatchPixels.first();
+const TRIAL_STREAM: u64 = Stream::PatchTrials.first();
 
 /// What walks of the camera met.
 #[derive(Default)]

@@ -17,6 +17,7 @@ use crate::irradiance::IrradianceRows;
 use crate::matrix::CHANNELS;
 use crate::path::{Integrator, Landing, NoLights, Receiver};
 use crate::sampler::Sampler;
+use crate::streams::Stream;
 
 /// The matrix of a picture whose columns are pictures of light on patches; or of the light that arrives, of the same columns.
 pub(crate) struct PatchMatrix<'a> {
@@ -32,7 +33,7 @@ pub(crate) struct PatchMatrix<'a> {
 }
 
 /// Streams of random numbers: of pixels, of the light that arrives at them, and of that at points of grids.
-const STREAM: u64 = 9 << 58;
+const STREAM: u64 = Stream::PatchRows.first();
 const ARRIVING_STREAMS: [u64; 2] = [STREAM + (1 << 50), STREAM + (2 << 50)];
 /// Walks that leave the first surface of a pixel's sample.
 const SPLITS: u32 = 4;

@@ -104,7 +104,11 @@ impl Environment {
     }
 
     pub(super) fn of_clean(width: usize, height: usize, pixels: Vec<[f32; 3]>) -> Environment {
-        let words = pixels.iter().flatten().map(|v| u64::from(v.to_bits()));
+        // In rows of another length the same pixels are another map. No map that is twice as wide as high has as many pixels as a square:
+        // these two, which nearly all maps are, are told from all others without a word.
+        let is_usual = width == height || width == 2 * height;
+        let sides = (!is_usual).then_some([width as u64, height as u64]);
+        let words = pixels.iter().flatten().map(|v| u64::from(v.to_bits())).chain(sides.into_iter().flatten());
         let fingerprint = words.fold(0xcbf2_9ce4_8422_2325, |hash: u64, word| {
             let hash = (hash ^ word).wrapping_mul(0x0000_0100_0000_01B3);
             hash ^ (hash >> 29)
@@ -277,6 +281,17 @@ mod tests {
         for uv in [Vec2::new(0.1, 0.2), Vec2::new(0.93, 0.71)] {
             assert!((uv_of(direction_at(uv)) - uv).length() < 1e-6);
         }
+    }
+
+    #[test]
+    fn the_same_pixels_in_rows_of_another_length_are_another_map() {
+        let pixels: Vec<[f32; 3]> = (0..8u8).map(|nth| [f32::from(nth); 3]).collect();
+        let fingerprint =
+            |(width, height): (usize, usize)| Environment::of_clean(width, height, pixels.clone()).fingerprint();
+        let mut found = [(8, 1), (4, 2), (2, 4), (1, 8)].map(fingerprint).to_vec();
+        found.sort_unstable();
+        found.dedup();
+        assert_eq!(found.len(), 4, "{found:?}");
     }
 
     #[test]

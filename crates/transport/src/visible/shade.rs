@@ -11,11 +11,12 @@ use crate::path::{Emerged, through_glass};
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 use crate::stop::Halt;
+use crate::streams::Stream;
 
 /// Points that are shaded together, as many as a fan has.
 pub(super) const GROUP: usize = 16;
 /// Stream of random numbers that nobody else uses.
-const STREAM: u64 = 15 << 58;
+const STREAM: u64 = Stream::LampPoints.first();
 
 /// What light is computed with.
 pub(super) struct Shading<'a> {
