@@ -119,14 +119,17 @@ fn before(scene: &PreparedScene, surface: &Surface, standoff_m: f32) -> Vec3 {
     surface.position + surface.normal * (0.5 * free_m(scene, surface, surface.normal, 2.0 * standoff_m))
 }
 
-/// How far along an axis the point is that is nearest to a ray, in units of the axis; `None` where they are all but parallel.
+/// How far along an axis the point is that is nearest to a ray, in units of the axis; `None` where they are all but parallel, or where
+/// that is behind the ray, as beyond the point at which the axis vanishes.
 pub fn nearest_on_axis(point: Vec3, axis: Vec3, origin: Vec3, direction: Vec3) -> Option<f32> {
     let across = axis.cross(direction);
     let square = across.length_squared();
     if square < LEAST_SINE * LEAST_SINE * axis.length_squared() * direction.length_squared() {
         return None;
     }
-    Some((origin - point).cross(direction).dot(across) / square)
+    let away = origin - point;
+    let is_ahead = away.cross(axis).dot(across) > 0.0;
+    is_ahead.then(|| away.cross(direction).dot(across) / square)
 }
 
 /// Where a ray meets a plane in front of it; `None` where it all but runs along the plane.

@@ -58,6 +58,7 @@ fn the_nearest_point_of_an_axis_and_the_meeting_with_a_plane_are_those_of_geomet
     assert_eq!(nearest_on_axis(Vec3::ZERO, Vec3::X, eye, ahead), Some(3.0));
     assert_eq!(nearest_on_axis(Vec3::new(1.0, 0.0, 0.0), Vec3::X, eye, ahead), Some(2.0));
     assert_eq!(nearest_on_axis(Vec3::ZERO, Vec3::Z, eye, ahead), None, "one looks along it");
+    assert_eq!(nearest_on_axis(Vec3::new(0.0, 0.0, 9.0), Vec3::X, eye, ahead), None, "it is behind");
     assert_eq!(meet_plane(Vec3::ZERO, Vec3::Z, eye, ahead), Some(Vec3::new(3.0, 1.0, 0.0)));
     assert_eq!(meet_plane(Vec3::new(0.0, 0.0, 9.0), Vec3::Z, eye, ahead), None, "it is behind");
     assert_eq!(meet_plane(Vec3::ZERO, Vec3::X, eye, ahead), None, "the ray runs along it");
@@ -96,6 +97,14 @@ fn an_arrow_moves_along_its_axis_by_what_the_pointer_moves_on_it() {
         assert!((aside - along * aside.dot(along)).length() < 1e-6, "not off the axis: {aside}");
         assert!(near(moved.aim - moved.position, of.aim - of.position), "it keeps its direction");
     }
+}
+
+#[test]
+fn an_arrow_that_is_dragged_beyond_where_its_axis_vanishes_leaves_the_lamp_before_the_camera() {
+    let of = lamp(Vec3::new(0.3, 0.0, -0.4));
+    // Into the depth, then over the middle of the view, where all that leads there vanishes.
+    let moved = drag(Part::Axis(2), &of, [of.position, Vec3::new(-0.3, 0.0, -0.4)], Held::default());
+    assert!(moved.position.z < of.position.z, "{}", moved.position);
 }
 
 #[test]
