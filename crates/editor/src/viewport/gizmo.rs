@@ -14,7 +14,7 @@ use crate::look::lamps::{FARTHEST_M, below, within_reach};
 pub const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
 /// Names of the axes.
 pub const AXIS_NAMES: [&str; 3] = ["X", "Y", "Z"];
-/// How far from the camera a drag may carry a lamp, in diameters of the scene.
+/// How far from the camera a drag may carry a lamp, in diameters of the scene, or in its distance where it is farther off than one.
 const FARTHEST: f32 = 10.0;
 /// Least sine between a ray and an axis or plane along which it drags.
 const LEAST_SINE: f32 = 0.03;
@@ -74,19 +74,22 @@ impl Sight<'_> {
         -self.camera.world_from_camera.z_axis.truncate()
     }
 
-    fn is_near(&self, point: Vec3) -> bool {
-        point.is_finite() && point.distance(self.camera.position()) < FARTHEST * self.scene.diameter()
+    /// Whether a drag of what is at `from` may lead to a point.
+    fn is_near(&self, point: Vec3, from: Vec3) -> bool {
+        let eye = self.camera.position();
+        point.is_finite() && point.distance(eye) < FARTHEST * self.scene.diameter().max(from.distance(eye))
     }
 
     /// How far along an axis through a point the pointer is, meters; `None` where one looks along it.
     fn along_axis(&self, point: Vec3, axis: Vec3, at: Pos2) -> Option<f32> {
         nearest_on_axis(point, axis, self.camera.position(), self.direction(at))
-            .filter(|along| self.is_near(point + axis * along))
+            .filter(|along| self.is_near(point + axis * along, point))
     }
 
     /// Where the pointer is on a plane; `None` where one looks along it.
     fn on_plane(&self, point: Vec3, normal: Vec3, at: Pos2) -> Option<Vec3> {
-        meet_plane(point, normal, self.camera.position(), self.direction(at)).filter(|place| self.is_near(*place))
+        meet_plane(point, normal, self.camera.position(), self.direction(at))
+            .filter(|place| self.is_near(*place, point))
     }
 }
 

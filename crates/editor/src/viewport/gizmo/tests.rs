@@ -118,6 +118,21 @@ fn a_square_moves_across_its_axis() {
 }
 
 #[test]
+fn a_lamp_that_is_seen_from_many_diameters_away_moves_as_from_close_by() {
+    let scene = room();
+    let camera = Camera::look_at("far", Vec3::new(0.0, 0.0, 60.0), Vec3::ZERO, 0.05, 4.0 / 3.0);
+    let sight = Sight { camera: &camera, ..sight(&scene) };
+    let of = lamp(Vec3::new(0.1, 0.2, -0.4));
+    let to = of.position + Vec3::X * 0.3;
+    let (from, at) = (sight.seen_at(of.position).unwrap(), sight.seen_at(to).unwrap());
+    for part in [Part::Axis(0), Part::Plane(2)] {
+        let mut drag = Drag::begin(&sight, &of, part, from);
+        let moved = drag.moved(&sight, &of, at - from, Held::default());
+        assert!(near(moved.position, to), "{part:?}: {}", moved.position);
+    }
+}
+
+#[test]
 fn with_shift_it_goes_a_tenth_of_the_way() {
     let of = lamp(Vec3::new(0.0, 0.0, -0.4));
     let ways = [of.position, of.position + Vec3::X * 0.4];
