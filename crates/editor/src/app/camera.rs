@@ -14,12 +14,12 @@ use crate::session::preview::{self, PreviewOrder, Previewer};
 use crate::session::views::sees_alike;
 use crate::session::{Session, Wake};
 use crate::viewport::flight::{FlightView, Habits, flight_ui, pivot_m};
-use crate::viewport::orbit::Flight;
+use crate::viewport::orbit::{Flight, nearest_m};
 
 const HABITS_KEY: &str = "navigation";
 /// Said where a view is left that nobody has baked.
 const LEFT_UNBAKED: &str = "Undo brings back the view that was not baked";
-/// Distance to what is looked at where nothing is, meters.
+/// Distance to what is looked at where nothing is, meters; no more than the scene measures.
 const FAR_M: f32 = 3.0;
 
 /// The camera, baked or not.
@@ -118,8 +118,8 @@ impl App {
 
     /// Finds how far away that is which lies in the middle of the view.
     fn look_ahead(&mut self) {
-        let found = self.session.lamp_scene().zip(self.camera()).and_then(|(scene, camera)| pivot_m(scene, camera));
-        self.camera.pivot_m = found.unwrap_or(FAR_M);
+        let Some((scene, camera)) = self.session.lamp_scene().zip(self.camera()) else { return };
+        self.camera.pivot_m = pivot_m(scene, camera).unwrap_or(FAR_M.min(scene.extent()));
     }
 
     /// Back to the view that is shown, in one step of undo.
@@ -257,7 +257,7 @@ impl App {
             is_baking: self.session.bake.is_running(),
         };
         let before = camera.clone();
-        let mut flight = Flight { camera, pivot_m: self.camera.pivot_m };
+        let mut flight = Flight { camera, pivot_m: self.camera.pivot_m, nearest_m: nearest_m(scene.extent()) };
         egui::CentralPanel::no_frame().show(ui, |ui| {
             flight_ui(ui, &view, &self.view.zoom, &mut flight, &mut self.actions);
         });

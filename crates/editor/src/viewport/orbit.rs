@@ -85,8 +85,9 @@ const DOLLY_PER_POINT: f32 = 0.005;
 const DOLLY_OF_SCROLL: f32 = 2.0 / 3.0;
 /// Steepest pitch, radians: at the pole left and right would change sides.
 const STEEPEST: f32 = 1.55;
-/// Distance to what is looked at below which one goes on through it, meters.
+/// Distance to what is looked at below which one goes on through it: meters, and of the scene where that is small.
 const NEAREST_M: f32 = 0.5;
+const NEAREST_OF_SCENE: f32 = 0.05;
 
 /// A camera, and how far the point is that it turns around.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,6 +96,13 @@ pub struct Flight {
     pub camera: Camera,
     /// Meters along its axis.
     pub pivot_m: f32,
+    /// Of those the fewest that a step nearer counts by.
+    pub nearest_m: f32,
+}
+
+/// The distance below which one goes on through what is looked at, in a scene of some diagonal, meters.
+pub fn nearest_m(extent_m: f32) -> f32 {
+    NEAREST_M.min(NEAREST_OF_SCENE * extent_m)
 }
 
 impl Flight {
@@ -152,9 +160,9 @@ impl Flight {
 
     /// Comes nearer by a factor of the distance below 1, goes away by one above.
     pub fn dolly(&mut self, factor: f32) {
-        let step = self.pivot_m.max(NEAREST_M) * (1.0 - factor);
+        let step = self.pivot_m.max(self.nearest_m) * (1.0 - factor);
         self.stand_at(self.camera.position() + self.forward() * step);
-        self.pivot_m = (self.pivot_m - step).max(NEAREST_M);
+        self.pivot_m = (self.pivot_m - step).max(self.nearest_m);
     }
 
     /// Goes right, up and ahead by so many meters, up being that of the world.
@@ -181,7 +189,7 @@ mod tests {
 
     fn flight() -> Flight {
         let camera = Camera::look_at("c", Vec3::new(1.0, 1.5, 4.0), Vec3::new(0.0, 1.0, 0.0), 0.9, 4.0 / 3.0);
-        Flight { camera, pivot_m: 4.0 }
+        Flight { camera, pivot_m: 4.0, nearest_m: nearest_m(20.0) }
     }
 
     #[test]
@@ -221,6 +229,15 @@ mod tests {
         }
         assert!((pivot - flight.camera.position()).dot(flight.forward()) < 0.0, "it has passed");
         assert_eq!(flight.pivot_m, NEAREST_M);
+    }
+
+    #[test]
+    fn in_a_model_of_centimeters_a_step_nearer_is_a_part_of_it() {
+        let camera = Camera::look_at("c", Vec3::new(0.0, 0.0, 0.1), Vec3::ZERO, 0.9, 1.0);
+        let mut flight = Flight { camera, pivot_m: 0.1, nearest_m: nearest_m(0.05) };
+        flight.scrolled(Turn::Dolly, vec2(0.0, 40.0), 600.0);
+        assert!((flight.camera.position().z - 0.0875).abs() < 1e-3, "{}", flight.camera.position());
+        assert!((flight.pivot_m - flight.camera.position().z).abs() < 1e-6, "{}", flight.pivot_m);
     }
 
     #[test]
