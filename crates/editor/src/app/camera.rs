@@ -119,7 +119,7 @@ impl App {
     /// Finds how far away that is which lies in the middle of the view.
     fn look_ahead(&mut self) {
         let Some((scene, camera)) = self.session.lamp_scene().zip(self.camera()) else { return };
-        self.camera.pivot_m = pivot_m(scene, camera).unwrap_or(FAR_M.min(scene.extent()));
+        self.camera.pivot_m = pivot_m(scene, camera, self.settings.film).unwrap_or(FAR_M.min(scene.extent()));
     }
 
     /// Back to the view that is shown, in one step of undo.
@@ -257,7 +257,7 @@ impl App {
             is_baking: self.session.bake.is_running(),
         };
         let before = camera.clone();
-        let mut flight = Flight { camera, pivot_m: self.camera.pivot_m, nearest_m: nearest_m(scene.extent()) };
+        let mut flight = Flight { camera, pivot_m: self.camera.pivot_m, nearest_m: nearest_m(scene.extent()), film };
         egui::CentralPanel::no_frame().show(ui, |ui| {
             flight_ui(ui, &view, &self.view.zoom, &mut flight, &mut self.actions);
         });

@@ -8,7 +8,7 @@ use eframe::egui::{
 };
 
 use super::gizmo::surface_along;
-use super::orbit::{Flight, Navigation, Turn};
+use super::orbit::{Flight, Navigation, Turn, middle};
 use super::zoom::Zoom;
 use crate::action::Action;
 use crate::panels::shortcuts::{escapes, hears_keys};
@@ -84,7 +84,7 @@ pub fn flight_ui(ui: &mut Ui, view: &FlightView, zoom: &Zoom, flight: &mut Fligh
 
 fn drags(ui: &Ui, response: &Response, view: &FlightView, flight: &mut Flight, height: f32) {
     if response.drag_started() {
-        flight.pivot_m = pivot_m(view.scene, &flight.camera).unwrap_or(flight.pivot_m);
+        flight.pivot_m = pivot_m(view.scene, &flight.camera, view.film).unwrap_or(flight.pivot_m);
     }
     let keys = ui.input(|input| input.modifiers);
     for button in [PointerButton::Primary, PointerButton::Middle, PointerButton::Secondary] {
@@ -136,11 +136,11 @@ fn walk(ui: &Ui, scene: &PreparedScene, flight: &mut Flight) {
     }
 }
 
-/// Distance along the axis to what is in the middle of the view.
-pub fn pivot_m(scene: &PreparedScene, camera: &Camera) -> Option<f32> {
-    let forward = -camera.world_from_camera.z_axis.truncate();
-    let surface = surface_along(scene, camera.position(), forward)?;
-    Some(surface.position.distance(camera.position())).filter(|distance| *distance > 1e-3)
+/// Distance along the axis to what is in the middle of the picture.
+pub fn pivot_m(scene: &PreparedScene, camera: &Camera, film: Film) -> Option<f32> {
+    let middle = middle(camera, film);
+    let surface = surface_along(scene, camera.position(), middle.normalize())?;
+    Some(surface.position.distance(camera.position()) / middle.length()).filter(|distance| *distance > 1e-3)
 }
 
 /// Says plainly what is seen, and what to do about it.
@@ -174,4 +174,26 @@ fn banner_ui(ui: &mut Ui, area: Rect, view: &FlightView, actions: &mut Vec<Actio
             });
         });
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::import;
+
+    use super::*;
+
+    #[test]
+    fn how_far_the_middle_of_the_picture_is_counts_along_the_axis() {
+        // A closed box from −1 to 1, seen from (0, 0, 0.9) along −Z.
+        let room = include_bytes!("../../tests/room.gltf");
+        let scene = PreparedScene::new(import::load_bytes("room.gltf", room).unwrap().scene, &[]).unwrap().0;
+        let film = Film { width: 64, height: 48 };
+        let level = scene.scene.cameras[0].clone();
+        assert!((pivot_m(&scene, &level, film).unwrap() - 1.9).abs() < 1e-3);
+        // Up by the lens: in the middle is the ceiling, half a meter away as the axis goes.
+        let height = 2.0 * (0.5 * level.yfov_rad).tan();
+        let up = Camera { shift: [0.0, (1.0 - level.position().y) / (0.5 * height)], ..level };
+        let found = pivot_m(&scene, &up, film).unwrap();
+        assert!((found - 0.5).abs() < 1e-3, "{found}");
+    }
 }

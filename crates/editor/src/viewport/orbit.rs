@@ -1,8 +1,8 @@
 //! A camera that is moved by hand: around a point, across the view, nearer, and on foot. Mathematics without a window.
 
-use clerestory_transport::camera::{Camera, Pose};
+use clerestory_transport::camera::{Camera, Film, Pose};
 use eframe::egui::{Modifiers, PointerButton, Vec2 as Travel};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// What a gesture does to the camera.
@@ -98,6 +98,14 @@ pub struct Flight {
     pub pivot_m: f32,
     /// Of those the fewest that a step nearer counts by.
     pub nearest_m: f32,
+    /// Shape of the picture, in whose middle that point is.
+    pub film: Film,
+}
+
+/// Where the middle of a picture lies, in meters for each along the axis of its camera: beside that where the lens is shifted.
+pub fn middle(camera: &Camera, film: Film) -> Vec3 {
+    let direction = camera.direction(film, 0.5 * Vec2::new(film.width as f32, film.height as f32));
+    direction / direction.dot(-camera.world_from_camera.z_axis.truncate())
 }
 
 /// The distance below which one goes on through what is looked at, in a scene of some diagonal, meters.
@@ -112,7 +120,7 @@ impl Flight {
     }
 
     fn pivot(&self) -> Vec3 {
-        self.camera.position() + self.forward() * self.pivot_m
+        self.camera.position() + middle(&self.camera, self.film) * self.pivot_m
     }
 
     /// Moves by scrolling over so many points, in a picture so many points high.
@@ -139,7 +147,7 @@ impl Flight {
     fn orbit(&mut self, travel: Travel) {
         let pivot = self.pivot();
         self.turn([travel.x * TURN_PER_POINT, -travel.y * TURN_PER_POINT]);
-        self.stand_at(pivot - self.forward() * self.pivot_m);
+        self.stand_at(pivot - middle(&self.camera, self.film) * self.pivot_m);
     }
 
     /// Turns on the spot by radians.
@@ -180,7 +188,6 @@ impl Flight {
 
 #[cfg(test)]
 mod tests {
-    use clerestory_transport::camera::Film;
     use eframe::egui::vec2;
 
     use super::*;
@@ -189,7 +196,7 @@ mod tests {
 
     fn flight() -> Flight {
         let camera = Camera::look_at("c", Vec3::new(1.0, 1.5, 4.0), Vec3::new(0.0, 1.0, 0.0), 0.9, 4.0 / 3.0);
-        Flight { camera, pivot_m: 4.0, nearest_m: nearest_m(20.0) }
+        Flight { camera, pivot_m: 4.0, nearest_m: nearest_m(20.0), film: FILM }
     }
 
     #[test]
@@ -206,6 +213,18 @@ mod tests {
         assert!(way.dot(before.world_from_camera.x_axis.truncate()) < 0.0, "{way}");
         flight.moved(Turn::Orbit, vec2(0.0, -9000.0), 600.0);
         assert!((Pose::of(&flight.camera).pitch_rad - STEEPEST).abs() < 1e-3);
+    }
+
+    #[test]
+    fn with_a_shifted_lens_it_is_turned_around_what_is_in_the_middle_of_the_picture() {
+        let mut flight = flight();
+        flight.camera.shift = [-0.2, 0.4];
+        let pivot = flight.camera.position() + middle(&flight.camera, FILM) * flight.pivot_m;
+        let before = flight.camera.position().distance(pivot);
+        flight.moved(Turn::Orbit, vec2(90.0, -40.0), 600.0);
+        let seen = flight.camera.project(FILM, pivot).unwrap();
+        assert!((seen - Vec2::new(80.0, 60.0)).length() < 1e-2, "{seen}");
+        assert!((flight.camera.position().distance(pivot) - before).abs() < 1e-4);
     }
 
     #[test]
@@ -234,7 +253,7 @@ mod tests {
     #[test]
     fn in_a_model_of_centimeters_a_step_nearer_is_a_part_of_it() {
         let camera = Camera::look_at("c", Vec3::new(0.0, 0.0, 0.1), Vec3::ZERO, 0.9, 1.0);
-        let mut flight = Flight { camera, pivot_m: 0.1, nearest_m: nearest_m(0.05) };
+        let mut flight = Flight { camera, pivot_m: 0.1, nearest_m: nearest_m(0.05), film: FILM };
         flight.scrolled(Turn::Dolly, vec2(0.0, 40.0), 600.0);
         assert!((flight.camera.position().z - 0.0875).abs() < 1e-3, "{}", flight.camera.position());
         assert!((flight.pivot_m - flight.camera.position().z).abs() < 1e-6, "{}", flight.pivot_m);
