@@ -141,13 +141,20 @@ impl Flight {
 
     fn look(&mut self, travel: Travel, height: f32) {
         let rad_per_point = 2.0 * (0.5 * self.camera.yfov_rad).tan() / height.max(1.0);
+        let travel = self.level(travel);
         self.turn([-travel.x * rad_per_point, travel.y * rad_per_point]);
     }
 
     fn orbit(&mut self, travel: Travel) {
-        let pivot = self.pivot();
+        let (pivot, travel) = (self.pivot(), self.level(travel));
         self.turn([travel.x * TURN_PER_POINT, -travel.y * TURN_PER_POINT]);
         self.stand_at(pivot - middle(&self.camera, self.film) * self.pivot_m);
+    }
+
+    /// The same way to the right and down as a camera sees it that does not lean.
+    fn level(&self, travel: Travel) -> Travel {
+        let (sin, cos) = Pose::of(&self.camera).roll_rad.sin_cos();
+        Travel::new(travel.x * cos + travel.y * sin, travel.y * cos - travel.x * sin)
     }
 
     /// Turns on the spot by radians.
@@ -276,6 +283,25 @@ mod tests {
         let after = flight.camera.project(FILM, thing).unwrap();
         assert_eq!(flight.camera.position(), eye);
         assert!((after - before - glam::Vec2::new(6.0, 4.0)).length() < 0.5, "{before} {after}");
+    }
+
+    #[test]
+    fn what_is_under_the_pointer_follows_it_where_the_camera_leans_as_well() {
+        for roll_rad in [-1.2, 0.7, 3.0] {
+            let mut flight = flight();
+            flight.camera = flight.camera.posed(&Pose { roll_rad, ..Pose::of(&flight.camera) });
+            let thing = Vec3::new(0.1, 1.1, 0.0);
+            let before = flight.camera.project(FILM, thing).unwrap();
+            flight.moved(Turn::Look, vec2(6.0, 4.0), FILM.height as f32);
+            let way = flight.camera.project(FILM, thing).unwrap() - before;
+            assert!((way - Vec2::new(6.0, 4.0)).length() < 0.6, "{way} at {roll_rad}");
+            assert!((Pose::of(&flight.camera).roll_rad - roll_rad).abs() < 1e-4);
+            // Around a point, what lies before that goes with the pointer, too.
+            let near = flight.camera.position() + 0.5 * (flight.pivot() - flight.camera.position());
+            flight.moved(Turn::Orbit, vec2(20.0, 10.0), FILM.height as f32);
+            let way = flight.camera.project(FILM, near).unwrap() - Vec2::new(80.0, 60.0);
+            assert!(way.normalize().dot(Vec2::new(2.0, 1.0).normalize()) > 0.95, "{way} at {roll_rad}");
+        }
     }
 
     #[test]
