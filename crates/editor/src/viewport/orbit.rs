@@ -5,6 +5,8 @@ use eframe::egui::{Modifiers, PointerButton, Vec2 as Travel};
 use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
+use crate::look::lamps::within_reach;
+
 /// What a gesture does to the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turn {
@@ -176,8 +178,10 @@ impl Flight {
     /// Comes nearer by a factor of the distance below 1, goes away by one above.
     pub fn dolly(&mut self, factor: f32) {
         let step = self.pivot_m.max(self.nearest_m) * (1.0 - factor);
-        self.stand_at(self.camera.position() + self.forward() * step);
-        self.pivot_m = (self.pivot_m - step).max(self.nearest_m);
+        let from = self.camera.position();
+        self.stand_at(from + self.forward() * step);
+        let way = (self.camera.position() - from).dot(self.forward());
+        self.pivot_m = (self.pivot_m - way).max(self.nearest_m);
     }
 
     /// Goes right, up and ahead by so many meters, up being that of the world.
@@ -186,9 +190,10 @@ impl Flight {
         self.stand_at(self.camera.position() + axis * right + Vec3::Y * up + self.forward() * ahead);
     }
 
+    /// Goes there, or to the nearest place that a look holds.
     fn stand_at(&mut self, position: Vec3) {
         if position.is_finite() {
-            self.camera.world_from_camera.w_axis = position.extend(1.0);
+            self.camera.world_from_camera.w_axis = within_reach(position).extend(1.0);
         }
     }
 }
@@ -198,6 +203,7 @@ mod tests {
     use eframe::egui::vec2;
 
     use super::*;
+    use crate::look::Look;
 
     const FILM: Film = Film { width: 160, height: 120 };
 
@@ -264,6 +270,20 @@ mod tests {
         flight.scrolled(Turn::Dolly, vec2(0.0, 40.0), 600.0);
         assert!((flight.camera.position().z - 0.0875).abs() < 1e-3, "{}", flight.camera.position());
         assert!((flight.pivot_m - flight.camera.position().z).abs() < 1e-6, "{}", flight.pivot_m);
+    }
+
+    #[test]
+    fn who_goes_away_stays_where_a_look_holds_the_view_and_can_come_back() {
+        let mut flight = flight();
+        for _ in 0..1000 {
+            flight.dolly(1.5);
+        }
+        let far = flight.camera.position().z;
+        let look = Look { bookmarks: vec![flight.camera.clone()], ..Look::default() };
+        let (back, warnings) = Look::from_json(&look.to_json()).unwrap();
+        assert_eq!((back.bookmarks, warnings.len()), (look.bookmarks, 0), "{far} m");
+        flight.dolly(0.5);
+        assert!(flight.camera.position().z < 0.9 * far, "{} m", flight.camera.position().z);
     }
 
     #[test]
