@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use anyhow::Result;
 use clerestory_transport::camera::{Camera, Film, Pose};
+use clerestory_transport::lamps::half_turn;
 use eframe::egui::{self, Context, TextureHandle, TextureOptions, Ui};
 use eframe::{CreationContext, Storage};
 
@@ -279,10 +280,11 @@ fn edited(before: &Camera, camera: &Camera) -> BTreeSet<&'static str> {
     let places = [("X", way.x), ("Y", way.y), ("Z", way.z)].into_iter().filter(|(_, meters)| *meters != 0.0);
     let mut edited: BTreeSet<&'static str> = places.map(|(axis, _)| axis).collect();
     if edited.is_empty() && before.world_from_camera != camera.world_from_camera {
+        // By rounding the same direction may be told half a turn to the right, then half a turn to the left.
         let turns = [
-            ("yaw", new.yaw_rad - old.yaw_rad),
+            ("yaw", half_turn(new.yaw_rad - old.yaw_rad)),
             ("pitch", new.pitch_rad - old.pitch_rad),
-            ("roll", new.roll_rad - old.roll_rad),
+            ("roll", half_turn(new.roll_rad - old.roll_rad)),
         ];
         let most = turns.into_iter().max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()));
         edited.extend(most.map(|(angle, _)| angle));
@@ -294,4 +296,24 @@ fn edited(before: &Camera, camera: &Camera) -> BTreeSet<&'static str> {
     ];
     edited.extend(others.into_iter().filter(|(_, is_other)| *is_other).map(|(number, _)| number));
     edited
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    #[test]
+    fn of_a_camera_that_looks_back_the_angle_that_was_edited_is_told() {
+        let back = Camera::look_at("back", Vec3::ZERO, Vec3::Z, 0.9, 1.5);
+        let pose = Pose::of(&back);
+        let pitched = back.posed(&Pose { pitch_rad: 0.1, ..pose });
+        assert_eq!(edited(&back, &pitched), BTreeSet::from(["pitch"]), "{:?}", Pose::of(&pitched));
+        let turned = back.posed(&Pose { yaw_rad: pose.yaw_rad - 0.2, ..pose });
+        assert_eq!(edited(&back, &turned), BTreeSet::from(["yaw"]));
+        let upside_down = back.posed(&Pose { roll_rad: std::f32::consts::PI, ..pose });
+        let pitched = upside_down.posed(&Pose { pitch_rad: -0.1, ..Pose::of(&upside_down) });
+        assert_eq!(edited(&upside_down, &pitched), BTreeSet::from(["pitch"]));
+    }
 }
