@@ -128,6 +128,10 @@ pub(super) fn navigate(
     let types = ui.text_edit_focused();
     let held = |key: Key| !types && ui.input(|input| input.key_down(key) && input.modifiers.is_none());
     zoom.awaits_region &= !escapes(ui);
+    // The toolkit ends the drag by the same key.
+    if ui.input(|input| input.key_pressed(Key::Escape)) {
+        grab.take_if(|grab| matches!(grab, Grab::Region(_)));
+    }
     let is_region = zoom.awaits_region || held(Key::Z);
     if response.drag_started_by(PointerButton::Middle) || (response.drag_started() && held(Key::Space)) {
         *grab = Some(Grab::Picture);
@@ -162,7 +166,8 @@ pub(super) fn paint_region(ui: &Ui, response: &Response, grab: Option<&Grab>) {
 
 #[cfg(test)]
 mod tests {
-    use eframe::egui::{pos2, vec2};
+    use eframe::egui::{Sense, pos2, vec2};
+    use egui_kittest::Harness;
 
     use super::*;
 
@@ -201,6 +206,37 @@ mod tests {
         let before = zoom.image_rect(AREA, size);
         zoom.show_region(AREA, size, Rect::from_min_size(pos2(200.0, 250.0), vec2(3.0, 60.0)));
         assert_eq!(zoom.image_rect(AREA, size), before, "a click with the key held is no region");
+    }
+
+    #[test]
+    fn a_region_that_is_given_up_while_it_is_dragged_is_not_zoomed_to() {
+        let size = vec2(400.0, 200.0);
+        let picture = |ui: &mut Ui, (zoom, grab): &mut (Zoom, Option<Grab>)| {
+            let response = ui.allocate_rect(ui.available_rect_before_wrap(), Sense::click_and_drag());
+            navigate(ui, &response, (zoom, grab), size, Navigation::default());
+        };
+        let (from, to) = (pos2(100.0, 100.0), pos2(300.0, 220.0));
+        for (is_given_up, is_zoomed) in [(true, false), (false, true)] {
+            let mut zoom = Zoom::default();
+            zoom.await_region();
+            let before = zoom.image_rect(AREA, size);
+            let mut window = Harness::builder().with_size(vec2(600.0, 400.0)).build_ui_state(picture, (zoom, None));
+            window.hover_at(from);
+            window.run_steps(2);
+            window.drag_at(from);
+            window.run_steps(2);
+            window.hover_at(to);
+            window.run_steps(2);
+            assert_eq!(window.state().1, Some(Grab::Region(from)));
+            if is_given_up {
+                window.key_press(Key::Escape);
+                window.run_steps(2);
+                assert_eq!(window.state().1, None);
+            }
+            window.drop_at(to);
+            window.run_steps(3);
+            assert_eq!(window.state().0.image_rect(AREA, size) != before, is_zoomed);
+        }
     }
 
     #[test]
