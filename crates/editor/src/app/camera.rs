@@ -234,7 +234,7 @@ impl App {
             return;
         }
         let is_taken = |name: &str| {
-            self.session.cameras().iter().any(|camera| camera.name == name)
+            self.session.cameras().iter().chain(&self.look.bookmarks).any(|camera| camera.name == name)
                 || self.session.views().iter().any(|view| view.name == name)
         };
         self.name_view(numbered_name("View", is_taken));
