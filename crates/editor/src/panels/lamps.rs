@@ -72,6 +72,11 @@ impl LampState {
         self.chosen.as_deref() == Some(key)
     }
 
+    /// Whether a lamp is dragged in the picture, or about to be.
+    pub fn is_in_hand(&self) -> bool {
+        self.drag.is_some() || self.pulled_at.is_some()
+    }
+
     /// Lets go of what is dragged in the picture: it stays where it is.
     pub fn let_go(&mut self) {
         (self.drag, self.dragged_to, self.pulled_at, self.pulled) = (None, None, None, None);

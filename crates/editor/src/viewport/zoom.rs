@@ -47,6 +47,11 @@ impl Zoom {
         self.awaits_region = true;
     }
 
+    /// Whether the next drag is that rectangle, as it is with Z, too.
+    pub(super) fn awaits_drag(&self, ui: &Ui) -> bool {
+        self.awaits_region || is_held(ui, Key::Z)
+    }
+
     /// Another picture of the view has another number of pixels: it lies where the one before lay, unless that was one to one.
     pub(super) fn heed_size(&mut self, size: Vec2, pixels_per_point: f32) {
         let before = std::mem::replace(&mut self.size, size);
@@ -89,6 +94,11 @@ impl Zoom {
     }
 }
 
+/// Whether a key is down that is no letter of a text.
+fn is_held(ui: &Ui, key: Key) -> bool {
+    !ui.text_edit_focused() && ui.input(|input| input.key_down(key) && input.modifiers.is_none())
+}
+
 fn fitting(area: Rect, size: Vec2) -> f32 {
     let room = (area.size() - Vec2::splat(2.0 * MARGIN)).max(Vec2::splat(1.0));
     (room.x / size.x).min(room.y / size.y)
@@ -125,15 +135,13 @@ pub(super) fn navigate(
             zoom.zoom_at(area, size, pointer, factor);
         }
     }
-    let types = ui.text_edit_focused();
-    let held = |key: Key| !types && ui.input(|input| input.key_down(key) && input.modifiers.is_none());
     zoom.awaits_region &= !escapes(ui);
     // The toolkit ends the drag by the same key.
     if ui.input(|input| input.key_pressed(Key::Escape)) {
         grab.take_if(|grab| matches!(grab, Grab::Region(_)));
     }
-    let is_region = zoom.awaits_region || held(Key::Z);
-    if response.drag_started_by(PointerButton::Middle) || (response.drag_started() && held(Key::Space)) {
+    let is_region = zoom.awaits_drag(ui);
+    if response.drag_started_by(PointerButton::Middle) || (response.drag_started() && is_held(ui, Key::Space)) {
         *grab = Some(Grab::Picture);
     } else if response.drag_started_by(PointerButton::Primary) && is_region {
         let press = ui.input(|input| input.pointer.press_origin());
