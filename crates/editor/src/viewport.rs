@@ -221,9 +221,12 @@ fn touch_ui(
 ) -> bool {
     // While the pointer marks, which it does in the first picture, lamps, spots and probes wait.
     let is_marking = state.grab.is_none() && marking_ui(ui, &responses[0], images[0], film, &mut state.marking);
+    // So they do, unless one is in hand, where a drag is to be the rectangle that is zoomed to.
+    let is_in_hand = lights.lamps.is_in_hand() || matches!(state.grab, Some(Grab::Spot(_)));
+    let waits = is_marking || (state.zoom.awaits_drag(ui) && !is_in_hand);
     let mut is_free = !is_marking;
     for (nth, response) in responses.iter().enumerate().skip(usize::from(is_marking)) {
-        match viewed.scene.filter(|_| nth == handled && !is_marking) {
+        match viewed.scene.filter(|_| nth == handled && !waits) {
             Some((scene, camera)) => {
                 let sight = Sight { scene, camera, film, image: images[nth] };
                 let seen = response.clone().with_new_rect(part);

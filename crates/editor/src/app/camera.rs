@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use anyhow::Result;
 use clerestory_transport::camera::{Camera, Film, Pose};
+use clerestory_transport::lamps::half_turn;
 use eframe::egui::{self, Context, TextureHandle, TextureOptions, Ui};
 use eframe::{CreationContext, Storage};
 
@@ -14,12 +15,12 @@ use crate::session::preview::{self, PreviewOrder, Previewer};
 use crate::session::views::sees_alike;
 use crate::session::{Session, Wake};
 use crate::viewport::flight::{FlightView, Habits, flight_ui, pivot_m};
-use crate::viewport::orbit::Flight;
+use crate::viewport::orbit::{Flight, nearest_m};
 
 const HABITS_KEY: &str = "navigation";
 /// Said where a view is left that nobody has baked.
 const LEFT_UNBAKED: &str = "Undo brings back the view that was not baked";
-/// Distance to what is looked at where nothing is, meters.
+/// Distance to what is looked at where nothing is, meters; no more than the scene measures.
 const FAR_M: f32 = 3.0;
 
 /// The camera, baked or not.
@@ -118,8 +119,8 @@ impl App {
 
     /// Finds how far away that is which lies in the middle of the view.
     fn look_ahead(&mut self) {
-        let found = self.session.lamp_scene().zip(self.camera()).and_then(|(scene, camera)| pivot_m(scene, camera));
-        self.camera.pivot_m = found.unwrap_or(FAR_M);
+        let Some((scene, camera)) = self.session.lamp_scene().zip(self.camera()) else { return };
+        self.camera.pivot_m = pivot_m(scene, camera, self.settings.film).unwrap_or(FAR_M.min(scene.extent()));
     }
 
     /// Back to the view that is shown, in one step of undo.
@@ -233,7 +234,7 @@ impl App {
             return;
         }
         let is_taken = |name: &str| {
-            self.session.cameras().iter().any(|camera| camera.name == name)
+            self.session.cameras().iter().chain(&self.look.bookmarks).any(|camera| camera.name == name)
                 || self.session.views().iter().any(|view| view.name == name)
         };
         self.name_view(numbered_name("View", is_taken));
@@ -257,7 +258,7 @@ impl App {
             is_baking: self.session.bake.is_running(),
         };
         let before = camera.clone();
-        let mut flight = Flight { camera, pivot_m: self.camera.pivot_m };
+        let mut flight = Flight { camera, pivot_m: self.camera.pivot_m, nearest_m: nearest_m(scene.extent()), film };
         egui::CentralPanel::no_frame().show(ui, |ui| {
             flight_ui(ui, &view, &self.view.zoom, &mut flight, &mut self.actions);
         });
@@ -279,10 +280,11 @@ fn edited(before: &Camera, camera: &Camera) -> BTreeSet<&'static str> {
     let places = [("X", way.x), ("Y", way.y), ("Z", way.z)].into_iter().filter(|(_, meters)| *meters != 0.0);
     let mut edited: BTreeSet<&'static str> = places.map(|(axis, _)| axis).collect();
     if edited.is_empty() && before.world_from_camera != camera.world_from_camera {
+        // By rounding the same direction may be told half a turn to the right, then half a turn to the left.
         let turns = [
-            ("yaw", new.yaw_rad - old.yaw_rad),
+            ("yaw", half_turn(new.yaw_rad - old.yaw_rad)),
             ("pitch", new.pitch_rad - old.pitch_rad),
-            ("roll", new.roll_rad - old.roll_rad),
+            ("roll", half_turn(new.roll_rad - old.roll_rad)),
         ];
         let most = turns.into_iter().max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()));
         edited.extend(most.map(|(angle, _)| angle));
@@ -294,4 +296,24 @@ fn edited(before: &Camera, camera: &Camera) -> BTreeSet<&'static str> {
     ];
     edited.extend(others.into_iter().filter(|(_, is_other)| *is_other).map(|(number, _)| number));
     edited
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    #[test]
+    fn of_a_camera_that_looks_back_the_angle_that_was_edited_is_told() {
+        let back = Camera::look_at("back", Vec3::ZERO, Vec3::Z, 0.9, 1.5);
+        let pose = Pose::of(&back);
+        let pitched = back.posed(&Pose { pitch_rad: 0.1, ..pose });
+        assert_eq!(edited(&back, &pitched), BTreeSet::from(["pitch"]), "{:?}", Pose::of(&pitched));
+        let turned = back.posed(&Pose { yaw_rad: pose.yaw_rad - 0.2, ..pose });
+        assert_eq!(edited(&back, &turned), BTreeSet::from(["yaw"]));
+        let upside_down = back.posed(&Pose { roll_rad: std::f32::consts::PI, ..pose });
+        let pitched = upside_down.posed(&Pose { pitch_rad: -0.1, ..Pose::of(&upside_down) });
+        assert_eq!(edited(&upside_down, &pitched), BTreeSet::from(["pitch"]));
+    }
 }

@@ -72,6 +72,11 @@ impl LampState {
         self.chosen.as_deref() == Some(key)
     }
 
+    /// Whether a lamp is dragged in the picture, or about to be.
+    pub fn is_in_hand(&self) -> bool {
+        self.drag.is_some() || self.pulled_at.is_some()
+    }
+
     /// Lets go of what is dragged in the picture: it stays where it is.
     pub fn let_go(&mut self) {
         (self.drag, self.dragged_to, self.pulled_at, self.pulled) = (None, None, None, None);
@@ -96,6 +101,9 @@ pub enum LampChoice {
     /// There is no scene: the pictures were taken.
     Never,
 }
+
+/// Most digits behind the point of a strength.
+const MOST_DECIMALS: f32 = 8.0;
 
 /// Shapes as they are added, with what they are called and what they are.
 const SHAPES: [(&str, &str, LampShape); 6] = [
@@ -243,8 +251,9 @@ fn strength_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
     // The row above tells what the fader makes of it.
     ui.label(RichText::new("Strength at 1×").weak());
     ui.horizontal(|ui| {
-        let speed = (0.01 * f64::from(lamp.strength)).max(0.01);
-        let number = Number::new(&mut lamp.strength).range(0.0..=MOST_STRENGTH).speed(speed).max_decimals(2);
+        let (strength, decimals) = (f64::from(lamp.strength), decimals(lamp.strength));
+        let speed = if strength > 0.0 { 0.01 * strength } else { 0.01 };
+        let number = Number::new(&mut lamp.strength).range(0.0..=MOST_STRENGTH).speed(speed).max_decimals(decimals);
         let tip = format!(
             "Multiplied by the fader; in {} where the lamp is white: a color lets a part of each channel through",
             lamp.unit.name()
@@ -266,6 +275,11 @@ fn strength_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
         }
     });
     ui.end_row();
+}
+
+/// Digits behind the point of a strength: two, and of what is less than 1 as many as tell three that count.
+fn decimals(strength: f32) -> usize {
+    if strength > 0.0 { (2.0 - strength.log10().floor()).clamp(2.0, MOST_DECIMALS) as usize } else { 2 }
 }
 
 /// The strength of a lamp in another unit, if it can be set.
@@ -416,7 +430,35 @@ pub fn add_button(ui: &mut Ui, choice: &LampChoice, actions: &mut Vec<Action>) {
 
 #[cfg(test)]
 mod tests {
+    use clerestory_transport::light::LightSetting;
+    use eframe::egui::Role;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
     use super::*;
+
+    #[test]
+    fn the_strength_of_a_faint_lamp_is_told_by_the_digits_that_count() {
+        for (strength, words) in [(0.0, "0"), (0.0025, "0.0025"), (0.5, "0.5"), (1234.5, "1234.5")] {
+            let mut lamp = FreeLamp {
+                key: "lamp".into(),
+                shape: LampShape::Point,
+                position: Vec3::ZERO,
+                aim: Vec3::NEG_Y,
+                turn_rad: 0.0,
+                strength,
+                unit: LampUnit::Lumen,
+                setting: LightSetting::default(),
+                replaces: None,
+            };
+            let mut window =
+                Harness::new_ui(|ui| _ = Grid::new("lamp").show(ui, |ui| strength_ui(ui, "lamp", &mut lamp)));
+            window.run_steps(2);
+            let told = window.get_by_role_and_label(Role::SpinButton, "lamp strength").accesskit_node().value();
+            let told = told.expect("a number has a value").parse::<f32>().expect("digits");
+            assert_eq!(told, words.parse::<f32>().expect("digits"), "{words}");
+        }
+    }
 
     #[test]
     fn a_lamp_is_called_as_the_menu_calls_it() {

@@ -203,9 +203,9 @@ pub fn tools_ui(ui: &mut Ui, marking: &mut Marking, has_scene: bool) {
         Some(Tool::Brush) => {
             ui.horizontal(|ui| {
                 let label = ui.label("Radius");
-                let radius = Number::new(&mut marking.radius_px).range(0.0..=500.0).speed(0.2).suffix(" px");
-                let words = |px: f64, _| if px > 0.0 { format!("{px:.0}") } else { "fitting".into() };
-                ui.add(radius.words(words))
+                let radius = Number::new(&mut marking.radius_px).range(0.0..=500.0).speed(0.2);
+                let words = |px: f64, _| if px > 0.0 { format!("{px:.0} px") } else { "fitting".into() };
+                ui.add(radius.words(words).read(|text| number_of(text, " px")))
                     .labelled_by(label.id)
                     .on_hover_text("Of the brush, in pixels of the picture");
             });
@@ -360,5 +360,26 @@ fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, ac
         .on_hover_text("A table of all lamps, or of their types: lumen, watt, lm/W, place, aim, color, and W/m²");
     if save.clicked() {
         actions.push(Action::Ask(FileTask::SaveSchedule));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use eframe::egui::Role;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
+    use super::*;
+
+    #[test]
+    fn a_brush_that_suits_the_picture_has_no_pixels_to_tell() {
+        for (radius_px, words) in [(0.0, "fitting"), (12.0, "12 px")] {
+            let mut marking = Marking::default();
+            (marking.tool, marking.radius_px) = (Some(Tool::Brush), radius_px);
+            let mut window = Harness::new_ui(|ui| tools_ui(ui, &mut marking, true));
+            window.run_steps(2);
+            let told = window.get_by_role_and_label(Role::SpinButton, "Radius").accesskit_node().value();
+            assert_eq!(told.as_deref(), Some(words));
+        }
     }
 }

@@ -8,7 +8,7 @@ use eframe::egui::{
 };
 
 use super::gizmo::surface_along;
-use super::orbit::{Flight, Navigation, Turn};
+use super::orbit::{Flight, Navigation, Turn, middle};
 use super::zoom::Zoom;
 use crate::action::Action;
 use crate::panels::shortcuts::{escapes, hears_keys};
@@ -84,7 +84,7 @@ pub fn flight_ui(ui: &mut Ui, view: &FlightView, zoom: &Zoom, flight: &mut Fligh
 
 fn drags(ui: &Ui, response: &Response, view: &FlightView, flight: &mut Flight, height: f32) {
     if response.drag_started() {
-        flight.pivot_m = pivot_m(view.scene, &flight.camera).unwrap_or(flight.pivot_m);
+        look_ahead(view.scene, flight);
     }
     let keys = ui.input(|input| input.modifiers);
     for button in [PointerButton::Primary, PointerButton::Middle, PointerButton::Secondary] {
@@ -94,6 +94,15 @@ fn drags(ui: &Ui, response: &Response, view: &FlightView, flight: &mut Flight, h
             ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
         }
     }
+    // The wheel counts by what is in the middle then.
+    if response.drag_stopped() {
+        look_ahead(view.scene, flight);
+    }
+}
+
+/// Finds how far away that is which lies in the middle now, if anything does.
+fn look_ahead(scene: &PreparedScene, flight: &mut Flight) {
+    flight.pivot_m = pivot_m(scene, &flight.camera, flight.film).unwrap_or(flight.pivot_m);
 }
 
 fn scrolls(ui: &Ui, response: &Response, view: &FlightView, flight: &mut Flight, height: f32) {
@@ -132,15 +141,16 @@ fn walk(ui: &Ui, scene: &PreparedScene, flight: &mut Flight) {
     if held != [0.0; 3] {
         let step = WALK_PER_SEC * scene.diameter() * dt * if runs { RUN } else { 1.0 };
         flight.walk(held.map(|way| way * step));
+        look_ahead(scene, flight);
         ui.ctx().request_repaint();
     }
 }
 
-/// Distance along the axis to what is in the middle of the view.
-pub fn pivot_m(scene: &PreparedScene, camera: &Camera) -> Option<f32> {
-    let forward = -camera.world_from_camera.z_axis.truncate();
-    let surface = surface_along(scene, camera.position(), forward)?;
-    Some(surface.position.distance(camera.position())).filter(|distance| *distance > 1e-3)
+/// Distance along the axis to what is in the middle of the picture.
+pub fn pivot_m(scene: &PreparedScene, camera: &Camera, film: Film) -> Option<f32> {
+    let middle = middle(camera, film);
+    let surface = surface_along(scene, camera.position(), middle.normalize())?;
+    Some(surface.position.distance(camera.position()) / middle.length()).filter(|distance| *distance > 1e-3)
 }
 
 /// Says plainly what is seen, and what to do about it.
@@ -174,4 +184,56 @@ fn banner_ui(ui: &mut Ui, area: Rect, view: &FlightView, actions: &mut Vec<Actio
             });
         });
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::import;
+    use egui_kittest::Harness;
+
+    use super::*;
+    use crate::viewport::orbit::nearest_m;
+
+    /// A closed box from −1 to 1, seen from (0, 0, 0.9) along −Z.
+    fn room() -> PreparedScene {
+        let room = include_bytes!("../../tests/room.gltf");
+        PreparedScene::new(import::load_bytes("room.gltf", room).unwrap().scene, &[]).unwrap().0
+    }
+
+    #[test]
+    fn who_has_looked_around_comes_nearer_to_what_is_in_the_middle_now() {
+        let (scene, film) = (room(), Film { width: 64, height: 48 });
+        let habits = Habits::default();
+        let view = FlightView { scene: &scene, picture: None, is_baked: true, film, habits, is_baking: false };
+        let camera = scene.scene.cameras[0].clone();
+        let flight = Flight { camera, pivot_m: 1.9, nearest_m: nearest_m(scene.extent()), film };
+        let in_hand = |ui: &mut Ui, flight: &mut Flight| {
+            flight_ui(ui, &view, &Zoom::default(), flight, &mut Vec::new());
+        };
+        let mut window = Harness::builder().with_size(vec2(600.0, 400.0)).build_ui_state(in_hand, flight);
+        let (from, to) = (pos2(150.0, 250.0), pos2(450.0, 250.0));
+        window.hover_at(from);
+        window.run_steps(2);
+        window.drag_at(from);
+        window.run_steps(2);
+        window.hover_at(to);
+        window.run_steps(2);
+        window.drop_at(to);
+        window.run_steps(3);
+        let flight = window.state();
+        let ahead = pivot_m(&scene, &flight.camera, film).unwrap();
+        assert!(ahead < 1.6 && (flight.pivot_m - ahead).abs() < 1e-3, "{} for {ahead}", flight.pivot_m);
+    }
+
+    #[test]
+    fn how_far_the_middle_of_the_picture_is_counts_along_the_axis() {
+        let (scene, film) = (room(), Film { width: 64, height: 48 });
+        let level = scene.scene.cameras[0].clone();
+        assert!((pivot_m(&scene, &level, film).unwrap() - 1.9).abs() < 1e-3);
+        // Up by the lens: in the middle is the ceiling, half a meter away as the axis goes.
+        let height = 2.0 * (0.5 * level.yfov_rad).tan();
+        let up = Camera { shift: [0.0, (1.0 - level.position().y) / (0.5 * height)], ..level };
+        let found = pivot_m(&scene, &up, film).unwrap();
+        assert!((found - 0.5).abs() < 1e-3, "{found}");
+    }
 }

@@ -14,7 +14,7 @@ use crate::look::lamps::{FARTHEST_M, below, within_reach};
 pub const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
 /// Names of the axes.
 pub const AXIS_NAMES: [&str; 3] = ["X", "Y", "Z"];
-/// How far from the camera a drag may carry a lamp, in diameters of the scene.
+/// How far from the camera a drag may carry a lamp, in diameters of the scene, or in its distance where it is farther off than one.
 const FARTHEST: f32 = 10.0;
 /// Least sine between a ray and an axis or plane along which it drags.
 const LEAST_SINE: f32 = 0.03;
@@ -74,19 +74,22 @@ impl Sight<'_> {
         -self.camera.world_from_camera.z_axis.truncate()
     }
 
-    fn is_near(&self, point: Vec3) -> bool {
-        point.is_finite() && point.distance(self.camera.position()) < FARTHEST * self.scene.diameter()
+    /// Whether a drag of what is at `from` may lead to a point.
+    fn is_near(&self, point: Vec3, from: Vec3) -> bool {
+        let eye = self.camera.position();
+        point.is_finite() && point.distance(eye) < FARTHEST * self.scene.diameter().max(from.distance(eye))
     }
 
     /// How far along an axis through a point the pointer is, meters; `None` where one looks along it.
     fn along_axis(&self, point: Vec3, axis: Vec3, at: Pos2) -> Option<f32> {
         nearest_on_axis(point, axis, self.camera.position(), self.direction(at))
-            .filter(|along| self.is_near(point + axis * along))
+            .filter(|along| self.is_near(point + axis * along, point))
     }
 
     /// Where the pointer is on a plane; `None` where one looks along it.
     fn on_plane(&self, point: Vec3, normal: Vec3, at: Pos2) -> Option<Vec3> {
-        meet_plane(point, normal, self.camera.position(), self.direction(at)).filter(|place| self.is_near(*place))
+        meet_plane(point, normal, self.camera.position(), self.direction(at))
+            .filter(|place| self.is_near(*place, point))
     }
 }
 
@@ -119,14 +122,17 @@ fn before(scene: &PreparedScene, surface: &Surface, standoff_m: f32) -> Vec3 {
     surface.position + surface.normal * (0.5 * free_m(scene, surface, surface.normal, 2.0 * standoff_m))
 }
 
-/// How far along an axis the point is that is nearest to a ray, in units of the axis; `None` where they are all but parallel.
+/// How far along an axis the point is that is nearest to a ray, in units of the axis; `None` where they are all but parallel, or where
+/// that is behind the ray, as beyond the point at which the axis vanishes.
 pub fn nearest_on_axis(point: Vec3, axis: Vec3, origin: Vec3, direction: Vec3) -> Option<f32> {
     let across = axis.cross(direction);
     let square = across.length_squared();
     if square < LEAST_SINE * LEAST_SINE * axis.length_squared() * direction.length_squared() {
         return None;
     }
-    Some((origin - point).cross(direction).dot(across) / square)
+    let away = origin - point;
+    let is_ahead = away.cross(axis).dot(across) > 0.0;
+    is_ahead.then(|| away.cross(direction).dot(across) / square)
 }
 
 /// Where a ray meets a plane in front of it; `None` where it all but runs along the plane.

@@ -156,10 +156,15 @@ pub fn marking_ui(ui: &Ui, response: &Response, image: Rect, film: Film, state: 
     true
 }
 
-/// A press that did not travel means the pixel under it.
+/// A press that did not travel means the pixel under it; one that went along a row or a column means that one, whether or not it came over
+/// the middles of its pixels.
 fn whole(from: [f32; 2], to: [f32; 2]) -> [[f32; 2]; 2] {
-    let is_click = (from[0] - to[0]).abs() < 1.0 && (from[1] - to[1]).abs() < 1.0;
-    if is_click { [from.map(f32::floor), from.map(|x| x.floor() + 1.0)] } else { [from, to] }
+    let mut corners = [from, to];
+    for axis in (0..2).filter(|axis| (from[*axis] - to[*axis]).abs() < 1.0) {
+        let pixel = from[axis].floor();
+        (corners[0][axis], corners[1][axis]) = (pixel, pixel + 1.0);
+    }
+    corners
 }
 
 fn pixel(film: Film, [x, y]: [f32; 2]) -> Option<u32> {
@@ -194,4 +199,19 @@ fn paint(ui: &Ui, area: Rect, image: Rect, marks: &Marks) {
         start = end;
     }
     ui.painter_at(area.intersect(image)).add(Shape::mesh(mesh));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_drag_along_a_row_marks_it_and_a_press_its_pixel() {
+        let film = Film { width: 10, height: 8 };
+        let marked = |from: [f32; 2], to: [f32; 2]| Marks::rect(film, whole(from, to)).pixels().to_vec();
+        assert_eq!(marked([2.2, 3.1], [5.8, 3.4]), [32, 33, 34, 35], "above the middles of the row");
+        assert_eq!(marked([2.7, 3.1], [2.9, 6.0]), [32, 42, 52]);
+        assert_eq!(marked([2.2, 3.1], [2.6, 3.4]), [32]);
+        assert_eq!(marked([2.2, 3.1], [3.6, 4.6]), [32, 33, 42, 43]);
+    }
 }

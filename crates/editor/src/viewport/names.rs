@@ -13,7 +13,7 @@ use eframe::egui::{
 };
 use glam::Vec3;
 
-use super::gizmo::Sight;
+use super::gizmo::{Sight, scale_of};
 use super::lamps::{hint, tell};
 use super::probe::choose;
 use crate::action::Action;
@@ -35,6 +35,8 @@ const MOST_NAMES: usize = 8;
 const MOST_RAYS: usize = 400;
 /// Share of the light of a lamp behind glass that must come through for its mark to be seen.
 const SEEN: f32 = 0.05;
+/// How far before a lamp it is asked what hides it, m; in a model, which is seen from closer than a room, as much less.
+const BEFORE_M: f32 = 0.15;
 /// What the menu of a lamp says that the picture does not know.
 const NOT_BAKED: &str = "Not in this bake: open its scene and bake it again to set this lamp";
 
@@ -227,15 +229,34 @@ fn lamps(scene: &PreparedScene) -> impl Iterator<Item = (&LightSource, &Punctual
 /// Whether nothing hides a point. Lamps often hang a hair behind the surface of their own housing.
 fn is_seen(sight: &Sight, point: Vec3) -> bool {
     let eye = sight.camera.position();
-    let near = point + (eye - point).clamp_length_max(0.15);
+    let before_m = BEFORE_M * scale_of(eye.distance(point)).min(1.0);
+    let near = point + (eye - point).clamp_length_max(before_m);
     sight.scene.transmittance(eye, near).max_element() > SEEN
 }
 
 #[cfg(test)]
 mod tests {
+    use clerestory_transport::camera::{Camera, Film};
+    use clerestory_transport::import;
     use eframe::egui::pos2;
 
     use super::*;
+
+    #[test]
+    fn what_hides_a_lamp_hides_it_in_a_model_of_centimeters_as_well() {
+        // A closed box from −1 to 1, and one of a hundredth of that.
+        for scale in [1.0, 0.01] {
+            let mut scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
+            scene.mesh.positions.iter_mut().for_each(|place| *place *= scale);
+            let scene = PreparedScene::new(scene, &[]).unwrap().0;
+            let camera = Camera::look_at("c", Vec3::Z * (0.9 * scale), Vec3::NEG_Z, 1.0, 1.0);
+            let image = Rect::from_min_size(pos2(0.0, 0.0), vec2(64.0, 64.0));
+            let sight = Sight { scene: &scene, camera: &camera, film: Film { width: 64, height: 64 }, image };
+            assert!(is_seen(&sight, Vec3::NEG_Z * (0.5 * scale)));
+            assert!(is_seen(&sight, Vec3::NEG_Z * (1.05 * scale)), "a hair behind the wall");
+            assert!(!is_seen(&sight, Vec3::NEG_Z * (3.0 * scale)), "{scale}");
+        }
+    }
 
     #[test]
     fn a_name_stands_where_all_of_it_is_seen() {

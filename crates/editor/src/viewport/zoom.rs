@@ -47,6 +47,11 @@ impl Zoom {
         self.awaits_region = true;
     }
 
+    /// Whether the next drag is that rectangle, as it is with Z, too.
+    pub(super) fn awaits_drag(&self, ui: &Ui) -> bool {
+        self.awaits_region || is_held(ui, Key::Z)
+    }
+
     /// Another picture of the view has another number of pixels: it lies where the one before lay, unless that was one to one.
     pub(super) fn heed_size(&mut self, size: Vec2, pixels_per_point: f32) {
         let before = std::mem::replace(&mut self.size, size);
@@ -89,6 +94,11 @@ impl Zoom {
     }
 }
 
+/// Whether a key is down that is no letter of a text.
+fn is_held(ui: &Ui, key: Key) -> bool {
+    !ui.text_edit_focused() && ui.input(|input| input.key_down(key) && input.modifiers.is_none())
+}
+
 fn fitting(area: Rect, size: Vec2) -> f32 {
     let room = (area.size() - Vec2::splat(2.0 * MARGIN)).max(Vec2::splat(1.0));
     (room.x / size.x).min(room.y / size.y)
@@ -125,11 +135,13 @@ pub(super) fn navigate(
             zoom.zoom_at(area, size, pointer, factor);
         }
     }
-    let types = ui.text_edit_focused();
-    let held = |key: Key| !types && ui.input(|input| input.key_down(key) && input.modifiers.is_none());
     zoom.awaits_region &= !escapes(ui);
-    let is_region = zoom.awaits_region || held(Key::Z);
-    if response.drag_started_by(PointerButton::Middle) || (response.drag_started() && held(Key::Space)) {
+    // The toolkit ends the drag by the same key.
+    if ui.input(|input| input.key_pressed(Key::Escape)) {
+        grab.take_if(|grab| matches!(grab, Grab::Region(_)));
+    }
+    let is_region = zoom.awaits_drag(ui);
+    if response.drag_started_by(PointerButton::Middle) || (response.drag_started() && is_held(ui, Key::Space)) {
         *grab = Some(Grab::Picture);
     } else if response.drag_started_by(PointerButton::Primary) && is_region {
         let press = ui.input(|input| input.pointer.press_origin());
@@ -162,7 +174,8 @@ pub(super) fn paint_region(ui: &Ui, response: &Response, grab: Option<&Grab>) {
 
 #[cfg(test)]
 mod tests {
-    use eframe::egui::{pos2, vec2};
+    use eframe::egui::{Sense, pos2, vec2};
+    use egui_kittest::Harness;
 
     use super::*;
 
@@ -201,6 +214,37 @@ mod tests {
         let before = zoom.image_rect(AREA, size);
         zoom.show_region(AREA, size, Rect::from_min_size(pos2(200.0, 250.0), vec2(3.0, 60.0)));
         assert_eq!(zoom.image_rect(AREA, size), before, "a click with the key held is no region");
+    }
+
+    #[test]
+    fn a_region_that_is_given_up_while_it_is_dragged_is_not_zoomed_to() {
+        let size = vec2(400.0, 200.0);
+        let picture = |ui: &mut Ui, (zoom, grab): &mut (Zoom, Option<Grab>)| {
+            let response = ui.allocate_rect(ui.available_rect_before_wrap(), Sense::click_and_drag());
+            navigate(ui, &response, (zoom, grab), size, Navigation::default());
+        };
+        let (from, to) = (pos2(100.0, 100.0), pos2(300.0, 220.0));
+        for (is_given_up, is_zoomed) in [(true, false), (false, true)] {
+            let mut zoom = Zoom::default();
+            zoom.await_region();
+            let before = zoom.image_rect(AREA, size);
+            let mut window = Harness::builder().with_size(vec2(600.0, 400.0)).build_ui_state(picture, (zoom, None));
+            window.hover_at(from);
+            window.run_steps(2);
+            window.drag_at(from);
+            window.run_steps(2);
+            window.hover_at(to);
+            window.run_steps(2);
+            assert_eq!(window.state().1, Some(Grab::Region(from)));
+            if is_given_up {
+                window.key_press(Key::Escape);
+                window.run_steps(2);
+                assert_eq!(window.state().1, None);
+            }
+            window.drop_at(to);
+            window.run_steps(3);
+            assert_eq!(window.state().0.image_rect(AREA, size) != before, is_zoomed);
+        }
     }
 
     #[test]

@@ -129,6 +129,23 @@ fn the_picture_is_moved_by_the_middle_button_or_with_space_and_no_light_with_it(
 }
 
 #[test]
+fn a_region_that_begins_at_the_mark_of_a_lamp_is_zoomed_to_and_the_lamp_stays() {
+    let mut window = with_mark();
+    let middle = window.get_by_label("Picture").rect().center();
+    point_at(&mut window, middle);
+    let (before, look) = (mark(&window), window.state().look().clone());
+    let from = before - vec2(4.0, 4.0);
+    point_at(&mut window, from);
+    window.key_down(Key::Z);
+    window.run_steps(2);
+    drag(&mut window, from, from + vec2(100.0, 70.0));
+    window.key_up(Key::Z);
+    point_at(&mut window, middle);
+    assert_eq!(*window.state().look(), look);
+    assert!(mark(&window).distance(before) > 50.0, "{:?} after {before:?}", mark(&window));
+}
+
+#[test]
 fn on_a_trackpad_two_fingers_move_the_picture_once_it_is_larger_than_its_place() {
     let mut window = with_mark();
     navigate_as(&mut window, "Trackpad");

@@ -706,6 +706,19 @@ fn a_bookmark_that_is_renamed_keeps_its_baked_view() {
 }
 
 #[test]
+fn a_view_that_is_looked_for_is_called_as_no_bookmark_is() {
+    let mut window = baked();
+    turn_camera(&mut window);
+    click(&mut window, "Bookmark");
+    window.get_by_label("Name of the bookmark").set_text_value_accesskit("View 1");
+    window.run_steps(3);
+    assert_eq!(window.state().look().bookmarks[0].name, "View 1");
+    let middle = window.get_by_label("View of the camera").rect().center();
+    drag(&mut window, middle, middle + vec2(60.0, 15.0));
+    assert_eq!(window.state().camera().unwrap().name, "View 2");
+}
+
+#[test]
 fn a_bake_finds_its_scene_whose_camera_was_renamed() {
     let window = baked();
     let bake = window.state().session().shown.as_ref().unwrap().bake();

@@ -51,6 +51,8 @@ pub struct Player {
 struct HeldKey {
     /// Where it stands now.
     idx: usize,
+    /// How far to the right of the pointer it was taken, points.
+    off: f32,
     /// Where it stood, among which keys.
     before: (usize, Vec<Key>),
 }
@@ -333,19 +335,23 @@ fn drag_ui(ui: &Ui, response: &Response, ruler: &Ruler, look: &mut Look, player:
     if response.drag_started_by(PointerButton::Primary) {
         let press = ui.input(|input| input.pointer.press_origin()).unwrap_or(pointer);
         let held = taken(&look.timeline.keys, ruler, press, pointer);
-        player.dragged = held.map(|idx| HeldKey { idx, before: (idx, look.timeline.keys.clone()) });
+        player.dragged = held.map(|idx| {
+            // It stays under the pointer as it was taken: off its middle by as much.
+            let off = ruler.x(look.timeline.keys[idx].secs) - press.x;
+            HeldKey { idx, off, before: (idx, look.timeline.keys.clone()) }
+        });
         player.chosen = held.or(player.chosen);
     }
     let is_dragged = response.dragged_by(PointerButton::Primary);
-    let secs = ruler.secs_at(pointer.x);
-    let on_frame = (secs * look.timeline.fps).round() / look.timeline.fps;
+    let fps = look.timeline.fps;
+    let on_frame = |x: f32| (ruler.secs_at(x) * fps).round() / fps;
     match &mut player.dragged {
         Some(held) if is_dragged => {
-            held.idx = look.timeline.move_to(held.idx, on_frame);
+            held.idx = look.timeline.move_to(held.idx, on_frame(pointer.x + held.off));
             player.chosen = Some(held.idx);
         }
         None if (is_dragged || response.clicked()) && !look.timeline.keys.is_empty() => {
-            (player.playhead, player.playing) = (Some(on_frame), false);
+            (player.playhead, player.playing) = (Some(on_frame(pointer.x)), false);
         }
         _ => {}
     }
@@ -401,6 +407,9 @@ fn paint(ui: &Ui, (ruler, response): (&Ruler, &Response), timeline: &Timeline, p
 
 #[cfg(test)]
 mod tests {
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
     use super::*;
 
     #[test]
@@ -448,6 +457,32 @@ mod tests {
         assert_eq!([drag(cut, -8.0), drag(cut, 8.0)], [Some(1), Some(2)]);
         assert_eq!(drag(ruler.x(2.05), -8.0), Some(3), "the nearest one, though others are within reach");
         assert_eq!(drag(ruler.x(4.0), 8.0), None);
+    }
+
+    #[test]
+    fn a_key_that_is_taken_beside_its_middle_goes_as_far_as_the_pointer() {
+        let (mut look, player) = (Look::default(), Player::default());
+        for secs in [0.0, 2.0] {
+            look.timeline.add(Key { secs, look: "A".into(), ease: Ease::Smooth });
+        }
+        let track = |ui: &mut Ui, (look, player): &mut (Look, Player)| track_ui(ui, look, player);
+        let mut window = Harness::builder().with_size(vec2(640.0, 100.0)).build_ui_state(track, (look, player));
+        window.run_steps(2);
+        let rect = window.get_by_label("Timeline ruler").rect();
+        let points = Ruler { rect, secs: LEAST_SECS };
+        let key = pos2(points.x(2.0), rect.top() + LINE);
+        let from = key + vec2(5.0, 0.0);
+        window.hover_at(from);
+        window.run_steps(2);
+        window.drag_at(from);
+        window.run_steps(2);
+        for secs in [2.25, 2.5] {
+            let to = from + vec2(points.x(secs) - key.x, 0.0);
+            window.hover_at(to);
+            window.run_steps(2);
+            let found = window.state().0.timeline.end_secs();
+            assert!((found - secs).abs() < 1e-3, "{found} s for {secs} s");
+        }
     }
 
     #[test]

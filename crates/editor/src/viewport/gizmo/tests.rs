@@ -58,6 +58,7 @@ fn the_nearest_point_of_an_axis_and_the_meeting_with_a_plane_are_those_of_geomet
     assert_eq!(nearest_on_axis(Vec3::ZERO, Vec3::X, eye, ahead), Some(3.0));
     assert_eq!(nearest_on_axis(Vec3::new(1.0, 0.0, 0.0), Vec3::X, eye, ahead), Some(2.0));
     assert_eq!(nearest_on_axis(Vec3::ZERO, Vec3::Z, eye, ahead), None, "one looks along it");
+    assert_eq!(nearest_on_axis(Vec3::new(0.0, 0.0, 9.0), Vec3::X, eye, ahead), None, "it is behind");
     assert_eq!(meet_plane(Vec3::ZERO, Vec3::Z, eye, ahead), Some(Vec3::new(3.0, 1.0, 0.0)));
     assert_eq!(meet_plane(Vec3::new(0.0, 0.0, 9.0), Vec3::Z, eye, ahead), None, "it is behind");
     assert_eq!(meet_plane(Vec3::ZERO, Vec3::X, eye, ahead), None, "the ray runs along it");
@@ -99,12 +100,35 @@ fn an_arrow_moves_along_its_axis_by_what_the_pointer_moves_on_it() {
 }
 
 #[test]
+fn an_arrow_that_is_dragged_beyond_where_its_axis_vanishes_leaves_the_lamp_before_the_camera() {
+    let of = lamp(Vec3::new(0.3, 0.0, -0.4));
+    // Into the depth, then over the middle of the view, where all that leads there vanishes.
+    let moved = drag(Part::Axis(2), &of, [of.position, Vec3::new(-0.3, 0.0, -0.4)], Held::default());
+    assert!(moved.position.z < of.position.z, "{}", moved.position);
+}
+
+#[test]
 fn a_square_moves_across_its_axis() {
     let of = lamp(Vec3::new(0.1, -0.3, -0.4));
     for (axis, way) in [(0, Vec3::new(0.0, 0.1, 0.1)), (1, Vec3::new(0.1, 0.0, -0.2)), (2, Vec3::new(-0.2, 0.1, 0.0))] {
         let at = of.position + Vec3::splat(0.05) * (Vec3::ONE - AXES[axis]);
         let moved = drag(Part::Plane(axis), &of, [at, at + way], Held::default());
         assert!(near(moved.position, of.position + way), "{axis}: {}", moved.position);
+    }
+}
+
+#[test]
+fn a_lamp_that_is_seen_from_many_diameters_away_moves_as_from_close_by() {
+    let scene = room();
+    let camera = Camera::look_at("far", Vec3::new(0.0, 0.0, 60.0), Vec3::ZERO, 0.05, 4.0 / 3.0);
+    let sight = Sight { camera: &camera, ..sight(&scene) };
+    let of = lamp(Vec3::new(0.1, 0.2, -0.4));
+    let to = of.position + Vec3::X * 0.3;
+    let (from, at) = (sight.seen_at(of.position).unwrap(), sight.seen_at(to).unwrap());
+    for part in [Part::Axis(0), Part::Plane(2)] {
+        let mut drag = Drag::begin(&sight, &of, part, from);
+        let moved = drag.moved(&sight, &of, at - from, Held::default());
+        assert!(near(moved.position, to), "{part:?}: {}", moved.position);
     }
 }
 
