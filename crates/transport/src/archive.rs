@@ -427,14 +427,17 @@ fn damaged(path: &Path, what: String) -> ArchiveError {
     ArchiveError::Damaged { path: path.into(), what }
 }
 
-/// The blocks of one place, one per group of columns, and their length in bytes; none of a group that has none there.
+/// Factors of one place, one per group of columns; none of a group that has none there.
+type Place = Vec<Option<Arc<BlockFactors>>>;
+
+/// The blocks of one place, and their length in bytes.
 #[expect(clippy::cast_possible_truncation, reason = "three")]
 fn read_block(
     bytes: &[u8],
     groups: &[ColumnGroup],
     partition: &Partition,
     block_idx: usize,
-) -> Result<(Vec<Option<Arc<BlockFactors>>>, usize), CodecError> {
+) -> Result<(Place, usize), CodecError> {
     let [.., w, h] = partition.rect(block_idx);
     let n_rows = w.checked_mul(h).and_then(|n| n.checked_mul(CHANNELS as u32));
     let (mut blocks, mut offset) = (Vec::with_capacity(groups.len()), 0usize);

@@ -433,7 +433,7 @@ mod tests {
     use clerestory_transport::light::LightSetting;
     use eframe::egui::Role;
     use egui_kittest::Harness;
-    use egui_kittest::kittest::Queryable;
+    use egui_kittest::kittest::{NodeT, Queryable};
 
     use super::*;
 

@@ -45,13 +45,13 @@ impl Shown {
     /// `None` where these pixels are not baked yet. Together they are the picture, unlit surfaces included.
     pub fn shares(&self, rig: &LightRig, light: Option<&LampLight>, pixels: &[u32]) -> Option<Vec<Share>> {
         let basis = &self.header.basis;
-        let terms = |rig: &LightRig| -> Option<(Vec<[f32; 3]>, Vec<[f32; 3]>)> {
+        let terms = |rig: &LightRig| -> Option<[Vec<[f32; 3]>; 2]> {
             let row = mean_row(&self.lit_groups(rig, pixels), pixels)?.into_iter().flatten().collect();
-            Some((row, self.header.coefficients(rig).into_iter().flatten().collect()))
+            Some([row, self.header.coefficients(rig).into_iter().flatten().collect()])
         };
         // Without a sun that shines from columns of the sky each of them is of one light.
         let sun = basis.sun_apart(rig);
-        let (row, coefficients) = terms(sun.as_ref().map_or(rig, |sun| &sun.without))?;
+        let [row, coefficients] = terms(sun.as_ref().map_or(rig, |sun| &sun.without))?;
         let brought = |column: usize, x: Vec3| Vec3::from(row[column]) * x;
         let mut shares: Vec<Share> = basis
             .sources
@@ -63,7 +63,7 @@ impl Shown {
             })
             .collect();
         if let Some(sun) = &sun {
-            let (row, coefficients) = terms(&sun.alone)?;
+            let [row, coefficients] = terms(&sun.alone)?;
             let brought: Vec3 = row.iter().zip(&coefficients).map(|(row, x)| Vec3::from(*row) * Vec3::from(*x)).sum();
             let own = shares.iter_mut().find(|share| share.key == sun.source.key);
             own.into_iter().for_each(|share| share.radiance += brought);
