@@ -291,20 +291,16 @@ mod tests {
     use std::sync::Arc;
     use std::time::Duration;
 
-    use clerestory_transport::bake::{BakeConfig, Passes};
+    use clerestory_transport::bake::BakeConfig;
     use clerestory_transport::camera::Film;
-    use clerestory_transport::import;
     use clerestory_transport::prepared::PreparedScene;
 
     use super::*;
+    use crate::support::room_job;
 
     fn job(seed: u64) -> BakeJob {
-        let imported = import::load_bytes("room", include_bytes!("../tests/room.gltf")).unwrap();
-        let (scene, _) = PreparedScene::new(imported.scene, &[]).unwrap();
-        let camera = scene.scene.cameras[0].clone();
         let config = BakeConfig { spp: 2, tolerance_db: 20.0, seed, ..BakeConfig::default() };
-        let film = Film { width: 32, height: 24 };
-        BakeJob { scene: Arc::new(scene), camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() }
+        room_job(Film { width: 32, height: 24 }, config)
     }
 
     fn baked(job: &BakeJob) -> Bake {

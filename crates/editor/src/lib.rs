@@ -32,6 +32,8 @@ pub mod session;
 pub mod sizes;
 pub mod solve;
 pub mod stills;
+#[cfg(test)]
+mod support;
 pub mod table;
 pub mod theme;
 pub mod unsaved;

@@ -260,6 +260,7 @@ mod tests {
     use clerestory_transport::scene::Scene;
 
     use super::*;
+    use crate::support::{ROOM, prepared_room, room};
 
     fn look() -> Look {
         let mut look = Look::default();
@@ -281,9 +282,7 @@ mod tests {
 
     #[test]
     fn flux_and_power_are_those_of_what_shines() {
-        let room = include_str!("../tests/room.gltf");
-        let scene = import::load_bytes("room", room.as_bytes()).unwrap().scene;
-        let (scene, _) = PreparedScene::new(scene, &[]).unwrap();
+        let scene = prepared_room();
         let schedule = Schedule::new(&scene.lighting.basis, Some(&scene), &look(), Some(80.0), Some(4.0));
         // The lamp of the file has 3 cd all around.
         let lumen = 4.0 * std::f64::consts::PI * 3.0;
@@ -304,7 +303,7 @@ mod tests {
 
     #[test]
     fn a_directional_lamp_shines_the_same_way_with_a_size() {
-        let room = include_str!("../tests/room.gltf").replace("\"point\"", "\"directional\"");
+        let room = ROOM.replace("\"point\"", "\"directional\"");
         let mut scene = import::load_bytes("room", room.as_bytes()).unwrap().scene;
         assert_eq!(direction(&scene), Some(Vec3::NEG_Z));
         assert_eq!(scene.set_sun_radius(0.01), 1);
@@ -314,8 +313,7 @@ mod tests {
     #[test]
     fn a_measured_lamp_of_the_file_has_an_aim_and_a_bare_point_lamp_has_none() {
         let ies = b"IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
-        let room = include_str!("../tests/room.gltf");
-        let mut scene = import::load_bytes("room", room.as_bytes()).unwrap().scene;
+        let mut scene = room();
         assert_eq!(direction(&scene), None);
         assign(&mut scene, "lamp", PhotometricProfile::parse(ies, "x.ies").unwrap(), 1.0).unwrap();
         assert_eq!(direction(&scene), Some(Vec3::NEG_Z));

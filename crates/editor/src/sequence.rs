@@ -220,14 +220,13 @@ mod tests {
     use std::ops::ControlFlow;
     use std::sync::Arc;
 
-    use clerestory_transport::bake::{BakeConfig, BakeJob, Passes};
+    use clerestory_transport::bake::BakeConfig;
     use clerestory_transport::camera::Film;
-    use clerestory_transport::import;
-    use clerestory_transport::prepared::PreparedScene;
 
     use super::*;
     use crate::look::timeline::{Ease, Key};
     use crate::stills::Subject;
+    use crate::support::room_job;
     use crate::words::in_words;
 
     #[test]
@@ -278,11 +277,8 @@ mod tests {
 
     #[test]
     fn a_frame_that_cannot_be_lit_is_named() {
-        let scene = import::load_bytes("room", include_bytes!("../tests/room.gltf")).unwrap().scene;
-        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
-        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 16, height: 12 });
         let config = BakeConfig { spp: 1, tolerance_db: 10.0, ..BakeConfig::default() };
-        let job = BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
+        let job = room_job(Film { width: 16, height: 12 }, config);
         let mut bake = job.run(|_| ControlFlow::Continue(())).unwrap().unwrap();
         // There are lights, and no columns of theirs.
         bake.groups.clear();

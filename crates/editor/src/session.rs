@@ -422,6 +422,7 @@ mod tests {
 
     use super::*;
     use crate::headless::GALLERY;
+    use crate::support::room_source;
 
     fn wait(session: &mut Session, until: impl Fn(&Session) -> bool) {
         for _ in 0..10_000 {
@@ -447,8 +448,7 @@ mod tests {
         assert!(matches!(&session.bake, BakeState::Failed(words) if words.contains("ended unexpectedly")));
         let [Notice::Failed(words)] = notices.as_slice() else { panic!("{notices:?}") };
         assert!(words.starts_with("the bake failed and can be started again: it ended unexpectedly"), "{words}");
-        let bytes = include_bytes!("../tests/room.gltf").to_vec();
-        session.open(Source::Bytes { name: "room.gltf".into(), bytes });
+        session.open(room_source());
         wait(&mut session, |session| session.stage == Stage::Ready);
     }
 
@@ -531,8 +531,7 @@ mod tests {
         });
         session.finding = finding.as_ref().map(Task::id);
         session.others.extend(finding);
-        let bytes = include_bytes!("../tests/room.gltf").to_vec();
-        session.open(Source::Bytes { name: "room.gltf".into(), bytes });
+        session.open(room_source());
         wait(&mut session, |session| session.stage == Stage::Ready);
         find.send(()).unwrap();
         wait(&mut session, |session| session.others.is_empty());
@@ -543,8 +542,7 @@ mod tests {
     #[test]
     fn what_was_made_of_blocks_is_old_once_another_view_is_shown() {
         let mut session = Session::new(Arc::new(|_| {}));
-        let bytes = include_bytes!("../tests/room.gltf").to_vec();
-        session.open(Source::Bytes { name: "room.gltf".into(), bytes });
+        session.open(room_source());
         wait(&mut session, |session| session.stage == Stage::Ready);
         let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
         let film = Film { width: 16, height: 12 };
@@ -566,8 +564,7 @@ mod tests {
     fn a_first_picture_is_whole_once_every_block_is_there() {
         let mut session = Session::new(Arc::new(|_| {}));
         assert!(!session.is_whole(), "nothing is shown");
-        let bytes = include_bytes!("../tests/room.gltf").to_vec();
-        session.open(Source::Bytes { name: "room.gltf".into(), bytes });
+        session.open(room_source());
         wait(&mut session, |session| session.stage == Stage::Ready);
         let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
         let film = Film { width: 32, height: 24 };

@@ -396,17 +396,13 @@ impl App {
 
 #[cfg(test)]
 mod tests {
-    use egui_kittest::Harness;
-
     use super::*;
-    use crate::app::Start;
     use crate::solve::Solution;
+    use crate::support::room_window;
 
     #[test]
     fn what_cannot_be_made_stays_in_another_look_than_it_was_chosen_in() {
-        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
-        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
-        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let mut window = room_window(None);
         let app = window.state_mut();
         let asked = SceneChoice { units: Some(LampUnits::Unitless), ..SceneChoice::default() };
         // Another scene is opened, or another look.
@@ -422,9 +418,7 @@ mod tests {
 
     #[test]
     fn lights_that_were_found_for_a_scene_are_not_taken_over_in_another() {
-        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
-        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
-        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let mut window = room_window(None);
         let app = window.state_mut();
         let (rig, misfit) = (app.look.lights.clone(), 0.0);
         let found = Solution { rig, changes: Vec::new(), outcomes: Vec::new(), misfit, notes: Vec::new() };

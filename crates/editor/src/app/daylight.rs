@@ -346,22 +346,13 @@ fn read_sky(path: &Path) -> Read {
 mod tests {
     use std::time::Duration;
 
-    use egui_kittest::Harness;
-
     use super::*;
-    use crate::app::Start;
-    use crate::session::Source;
+    use crate::support::room_window;
 
     fn write_map(path: &Path, width: usize) {
         let pixels = vec![image::Rgb([1.0f32; 3]); width * width / 2];
         let file = std::fs::File::create(path).unwrap();
         image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, width, width / 2).unwrap();
-    }
-
-    fn room() -> Harness<'static, App> {
-        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
-        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
-        Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap())
     }
 
     /// Waits for a map that is read.
@@ -380,7 +371,7 @@ mod tests {
     fn a_map_that_is_read_again_is_in_all_looks_and_leaves_them_saved() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("day.hdr");
-        let mut window = room();
+        let mut window = room_window(None);
         let ctx = window.ctx.clone();
         let app = window.state_mut();
         write_map(&path, 8);
@@ -399,7 +390,7 @@ mod tests {
     fn what_is_set_of_a_sky_while_its_map_is_read_again_stays() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("day.hdr");
-        let mut window = room();
+        let mut window = room_window(None);
         let ctx = window.ctx.clone();
         let app = window.state_mut();
         write_map(&path, 8);

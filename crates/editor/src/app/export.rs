@@ -141,8 +141,8 @@ mod tests {
 
     use super::*;
     use crate::action::Action;
-    use crate::app::Start;
-    use crate::session::{BakeSettings, Source};
+    use crate::session::BakeSettings;
+    use crate::support::room_window;
 
     #[test]
     fn a_picture_that_went_while_its_file_was_asked_for_is_not_said_to_be_written() {
@@ -150,9 +150,7 @@ mod tests {
         let film = Film { width: 480, height: 360 };
         let config = BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() };
         let settings = BakeSettings { camera_idx: 0, film, config, illuminance: false, work_plane: None };
-        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
-        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, Some(settings));
-        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let mut window = room_window(Some(settings));
         let ctx = window.ctx.clone();
         // A scene that was prepared again has a first look at first, and before that nothing.
         for _ in 0..40_000 {

@@ -454,18 +454,12 @@ impl App {
 mod tests {
     use std::time::Duration;
 
-    use egui_kittest::Harness;
-
-    use super::*;
     use crate::action::Action;
-    use crate::app::Start;
-    use crate::session::Source;
+    use crate::support::room_window;
 
     #[test]
     fn a_scene_that_came_while_that_of_a_bake_was_asked_for_keeps_its_own() {
-        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
-        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
-        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let mut window = room_window(None);
         for _ in 0..40_000 {
             window.step();
             if window.state().session.shown.is_some() {

@@ -358,17 +358,15 @@ mod tests {
     use egui_kittest::kittest::Queryable;
 
     use super::*;
-    use crate::app::Start;
-    use crate::session::{BakeState, Source};
+    use crate::session::BakeState;
+    use crate::support::room_window;
 
     #[test]
     fn a_lamp_that_is_dragged_as_its_picture_goes_stays_where_it_was_seen_last() {
         let film = Film { width: 64, height: 48 };
         let config = BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() };
         let settings = BakeSettings { camera_idx: 0, film, config, illuminance: false, work_plane: None };
-        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
-        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, Some(settings));
-        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let mut window = room_window(Some(settings));
         for _ in 0..40_000 {
             window.step();
             let app = window.state();

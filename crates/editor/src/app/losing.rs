@@ -127,17 +127,12 @@ impl App {
 
 #[cfg(test)]
 mod tests {
-    use egui_kittest::Harness;
-
     use super::*;
-    use crate::app::Start;
-    use crate::session::Source;
+    use crate::support::room_window;
 
     #[test]
     fn a_look_that_was_given_up_is_unsaved_still_where_somebody_stays_for_something_else() {
-        let bytes = include_bytes!("../../tests/room.gltf").to_vec();
-        let start = Start::alone(Source::Bytes { name: "room.gltf".into(), bytes }, None);
-        let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+        let mut window = room_window(None);
         let ctx = window.ctx.clone();
         let app = window.state_mut();
         app.look.display.exposure_ev = Some(3.0);

@@ -154,10 +154,11 @@ mod tests {
     use crate::export::layers::LayerSet;
     use crate::look::Look;
     use crate::look::sky::{remade, typed};
+    use crate::support::ROOM;
 
     /// The room of the process tests without ceiling, front and back, under a sun of its own, baked.
     fn court() -> Shown {
-        let gltf = include_str!("../../tests/room.gltf").replace("\"count\": 36", "\"count\": 18");
+        let gltf = ROOM.replace("\"count\": 36", "\"count\": 18");
         let imported = import::load_bytes("court.gltf", gltf.as_bytes()).unwrap();
         let sky = sky("sun:200,50");
         let request = SkyRequest { light: sky.light(None).unwrap(), form: SkyForm::Patches(1) };

@@ -178,13 +178,14 @@ mod tests {
 
     use super::*;
     use crate::app::Start;
+    use crate::support::ROOM;
 
     #[test]
     fn a_map_that_is_written_with_its_scene_is_offered_whatever_becomes_of_the_scene() {
         let folder = tempfile::tempdir().unwrap();
         let [scene, map] = ["room.gltf", "day.hdr"].map(|name| folder.path().join(name));
-        let room = include_bytes!("../../tests/room.gltf").to_vec();
-        std::fs::write(&scene, &room).unwrap();
+        let room = ROOM.as_bytes();
+        std::fs::write(&scene, room).unwrap();
         std::fs::write(&map, b"a map").unwrap();
         let start = Start::alone(Source::File(scene.clone()), None);
         let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
@@ -200,14 +201,14 @@ mod tests {
         app.watch_look();
         let found = |app: &App| [changed(&app.watched.files), changed(&app.watched.of_look)];
         assert_eq!(found(app), [None, None]);
-        std::fs::write(&scene, [&room[..], b"\n"].concat()).unwrap();
+        std::fs::write(&scene, [room, b"\n"].concat()).unwrap();
         std::fs::write(&map, b"another map").unwrap();
         assert_eq!(found(app), [Some(scene.clone()), Some(map.clone())]);
         // The scene is read again.
         app.watch_opened();
         assert_eq!(found(app), [None, Some(map.clone())]);
         // It is not.
-        std::fs::write(&scene, &room).unwrap();
+        std::fs::write(&scene, room).unwrap();
         app.watched.changed = Some(scene);
         app.keep_opened();
         assert_eq!(found(app), [None, Some(map.clone())]);

@@ -467,11 +467,10 @@ fn skipped_words(skipped: &Value) -> String {
 mod tests {
     use clap::Parser;
     use clerestory_transport::camera::Film;
-    use clerestory_transport::import;
-    use clerestory_transport::prepared::PreparedScene;
 
     use super::*;
     use crate::cli::args::{Arguments, Command};
+    use crate::support::room_job;
 
     fn options(more: &[&str]) -> BakeOptions {
         let line = ["clerestory", "bake", "room.gltf", "-o", "a.transport"].iter().chain(more);
@@ -481,12 +480,8 @@ mod tests {
 
     /// Leaves a bake after its first block.
     fn begin(output: &Path) {
-        let imported = import::load_bytes("room", include_bytes!("../../tests/room.gltf")).unwrap();
-        let scene = Arc::new(PreparedScene::new(imported.scene, &[]).unwrap().0);
-        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
         let config = BakeConfig { spp: 2, tolerance_db: 20.0, ..BakeConfig::default() };
-        let (passes, irradiance) = (Passes::FinalOnly, Vec::new());
-        let job = BakeJob { scene, camera, film, config, passes, irradiance };
+        let job = room_job(Film { width: 32, height: 24 }, config);
         let stopped = archive::bake_to_file(job, output, Restart::Resume, |event| match event {
             BakeEvent::BlockDone { .. } => ControlFlow::Break(()),
             _ => ControlFlow::Continue(()),

@@ -331,23 +331,16 @@ impl Relighter {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use clerestory_relight::gpu::DeviceMemory;
     use clerestory_transport::bake::BakeConfig;
     use clerestory_transport::camera::Film;
-    use clerestory_transport::import;
-    use clerestory_transport::prepared::PreparedScene;
 
     use super::*;
+    use crate::support::room_job;
 
     fn room() -> Bake {
-        let scene = import::load_bytes("room", include_bytes!("../../tests/room.gltf")).unwrap().scene;
-        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
-        let camera = scene.scene.cameras[0].clone();
         let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
-        let film = Film { width: 20, height: 16 };
-        let job = BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
+        let job = room_job(Film { width: 20, height: 16 }, config);
         job.run(|_| std::ops::ControlFlow::Continue(())).unwrap().unwrap()
     }
 

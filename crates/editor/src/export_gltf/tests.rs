@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::*;
+use crate::support::{ROOM, prepared_room};
 
 fn open(path: &Path) -> PreparedScene {
     PreparedScene::new(import::load(path).unwrap().scene, &[]).unwrap().0
@@ -61,13 +62,12 @@ fn a_scene_whose_lights_are_as_they_were_is_written_as_it_was() {
 
 #[test]
 fn light_beyond_all_numbers_is_refused() {
-    let room = include_bytes!("../../tests/room.gltf");
-    let (scene, _) = PreparedScene::new(import::load_bytes("room", room).unwrap().scene, &[]).unwrap();
+    let scene = prepared_room();
     let mut look = Look::default();
     look.lights.lights.insert("lamp".into(), LightSetting { intensity: f32::MAX, ..LightSetting::default() });
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out.glb");
-    let lit = Lit { bytes: room, folder: None, scene: &scene, look: &look };
+    let lit = Lit { bytes: ROOM.as_bytes(), folder: None, scene: &scene, look: &look };
     let said = lit.save(&out).unwrap_err().to_string();
     assert!(said.contains("the light of `lamp` is no finite number"), "{said}");
     assert!(!out.exists());
@@ -132,7 +132,7 @@ fn every_light_of_every_scene_sends_what_it_was_set_to() {
 
 /// Two nodes share a mesh that shines, two a lamp; a third node uses the same material.
 fn shared() -> Vec<u8> {
-    let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
+    let mut gltf: Value = serde_json::from_str(ROOM).unwrap();
     let push = |list: &mut Value, item: Value| {
         let list = list.as_array_mut().unwrap();
         list.push(item);
@@ -197,7 +197,7 @@ fn what_several_nodes_share_is_copied_and_muted_lights_are_dark() {
 fn a_directional_lamp_with_a_size_is_written_as_it_is_set() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
-    std::fs::write(&file, include_str!("../../tests/room.gltf").replace("\"point\"", "\"directional\"")).unwrap();
+    std::fs::write(&file, ROOM.replace("\"point\"", "\"directional\"")).unwrap();
     let mut scene = import::load(&file).unwrap().scene;
     assert_eq!(scene.set_sun_radius(0.01), 1);
     let scene = PreparedScene::new(scene, &[]).unwrap().0;
@@ -309,7 +309,7 @@ fn spots_brighter_than_a_file_holds_are_told_and_read_again() {
 fn free_lamps_become_nodes_that_shine_alike() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.glb"));
-    std::fs::write(&file, include_str!("../../tests/room.gltf")).unwrap();
+    std::fs::write(&file, ROOM).unwrap();
     let ies = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
     std::fs::write(folder.path().join("x.ies"), ies).unwrap();
     let profile = folder.path().join("x.ies").display().to_string();
@@ -370,7 +370,7 @@ fn free(key: &str, shape: LampShape) -> FreeLamp {
 fn places_that_are_written_with_a_fraction_of_zero_are_found() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
-    let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
+    let mut gltf: Value = serde_json::from_str(ROOM).unwrap();
     gltf["scene"] = json!(0.0);
     gltf["scenes"][0]["nodes"] = json!([0.0, 1.0, 2.0]);
     gltf["nodes"][1]["extensions"]["KHR_lights_punctual"]["light"] = json!(0.0);
@@ -389,7 +389,7 @@ fn places_that_are_written_with_a_fraction_of_zero_are_found() {
 fn a_spot_wider_than_gltf_has_them_is_told_and_ends_at_90_degrees() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.glb"));
-    std::fs::write(&file, include_str!("../../tests/room.gltf")).unwrap();
+    std::fs::write(&file, ROOM).unwrap();
     let mut look = Look::default();
     look.lights.lamps = [("wide", 2.0), ("right", std::f32::consts::FRAC_PI_2)]
         .map(|(key, outer_rad)| free(key, LampShape::Spot { inner_rad: 0.2, outer_rad }))
@@ -406,7 +406,7 @@ fn a_spot_wider_than_gltf_has_them_is_told_and_ends_at_90_degrees() {
 fn cones_of_spots_are_within_what_gltf_asks_for() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
-    std::fs::write(&file, include_str!("../../tests/room.gltf")).unwrap();
+    std::fs::write(&file, ROOM).unwrap();
     let mut look = Look::default();
     look.lights.lamps = [("hard", 0.4), ("right", std::f32::consts::FRAC_PI_2)]
         .map(|(key, rad)| free(key, LampShape::Spot { inner_rad: rad, outer_rad: rad }))
@@ -426,7 +426,7 @@ fn a_free_lamp_of_a_eulumdat_file_comes_back_with_its_distribution() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out, profile) =
         (folder.path().join("in.gltf"), folder.path().join("out.glb"), folder.path().join("x.ldt"));
-    std::fs::write(&file, include_str!("../../tests/room.gltf")).unwrap();
+    std::fs::write(&file, ROOM).unwrap();
     // Rotationally symmetric, 1000 lm.
     let mut lines = vec!["0"; 42];
     for (line, value) in [(3, "1"), (4, "1"), (6, "3"), (24, "1"), (26, "1"), (29, "1000")] {
@@ -447,7 +447,7 @@ fn a_free_lamp_of_a_eulumdat_file_comes_back_with_its_distribution() {
 fn the_plain_lamp_beside_a_measured_one_follows_it_and_comes_back_from_the_dark() {
     let folder = tempfile::tempdir().unwrap();
     let [file, out, lit] = ["in.gltf", "out.gltf", "lit.gltf"].map(|name| folder.path().join(name));
-    let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
+    let mut gltf: Value = serde_json::from_str(ROOM).unwrap();
     let ies = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
     std::fs::write(folder.path().join("x.ies"), ies).unwrap();
     gltf["extensions"]["EXT_lights_ies"] = json!({ "lights": [{ "uri": "x.ies" }] });
@@ -488,7 +488,7 @@ fn a_measured_lamp_without_its_file_or_with_numbers_out_of_range_is_written_as_i
     std::fs::write(folder.path().join("x.ies"), ies).unwrap();
     let out_of_range = json!({ "light": 0, "multiplier": -1, "color": [1.0, 0.5, 2.0] });
     for (uri, instance) in [("absent.ies", json!({ "light": 0, "multiplier": 0.5 })), ("x.ies", out_of_range)] {
-        let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
+        let mut gltf: Value = serde_json::from_str(ROOM).unwrap();
         gltf["extensions"]["EXT_lights_ies"] = json!({ "lights": [{ "uri": uri }] });
         gltf["extensionsUsed"] = json!(["KHR_lights_punctual", "EXT_lights_ies"]);
         gltf["nodes"][1]["extensions"] = json!({ "EXT_lights_ies": instance });

@@ -360,19 +360,15 @@ impl Session {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::camera::Film;
-    use clerestory_transport::import;
     use clerestory_transport::irradiance::IrradianceRows;
-    use clerestory_transport::prepared::PreparedScene;
     use clerestory_transport::sensors::SensorGrid;
     use glam::Vec3;
 
     use super::*;
+    use crate::support::room_job;
 
     /// What a bake of the room tells, which holds the light that arrives at its pixels, and behind that more points than pixels.
     fn told() -> Vec<BakeEvent> {
-        let scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
-        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
-        let camera = scene.scene.cameras[0].clone();
         let grid = SensorGrid {
             name: "grid".into(),
             origin: Vec3::new(-0.4, -0.5, 0.4),
@@ -386,7 +382,7 @@ mod tests {
         let irradiance = vec![IrradianceRows::Pixels, IrradianceRows::Grid(grid)];
         let (film, passes) = (Film { width: 20, height: 16 }, Passes::PreviewAndFinal);
         let mut events = Vec::new();
-        let job = BakeJob { scene, camera, film, config, passes, irradiance };
+        let job = BakeJob { passes, irradiance, ..room_job(film, config) };
         job.run(|event| {
             events.push(event);
             std::ops::ControlFlow::Continue(())

@@ -79,23 +79,17 @@ pub(super) fn baked_words(bake: &Bake, figures: &Figures) -> String {
 #[cfg(test)]
 mod tests {
     use std::ops::ControlFlow;
-    use std::sync::Arc;
 
-    use clerestory_transport::bake::{BakeConfig, BakeJob, Passes};
+    use clerestory_transport::bake::BakeConfig;
     use clerestory_transport::camera::Film;
-    use clerestory_transport::import;
-    use clerestory_transport::prepared::PreparedScene;
 
     use super::*;
+    use crate::support::room_job;
 
     #[test]
     fn a_bake_that_is_far_from_what_was_asked_says_so_and_what_would_help() {
-        let scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
-        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
-        let camera = scene.scene.cameras[0].clone();
         let config = BakeConfig { spp: 2, tolerance_db: 60.0, ..BakeConfig::default() };
-        let (film, passes) = (Film { width: 20, height: 16 }, Passes::FinalOnly);
-        let job = BakeJob { scene, camera, film, config, passes, irradiance: Vec::new() };
+        let job = room_job(Film { width: 20, height: 16 }, config);
         let bake = job.run(|_| ControlFlow::Continue(())).unwrap().unwrap();
         let figures = bake.figures();
         let words = baked_words(&bake, &figures);

@@ -68,18 +68,14 @@ pub fn run(job: BakeJob, focus: &Focus) -> Result<Option<Glimpse>, BakeError> {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::camera::Film;
-    use clerestory_transport::import;
     use clerestory_transport::irradiance::IrradianceRows;
-    use clerestory_transport::prepared::PreparedScene;
 
     use super::*;
+    use crate::support::room_job;
 
     fn bake_of(film: Film) -> BakeJob {
-        let scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
-        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
-        let camera = scene.scene.cameras[0].clone();
         let config = BakeConfig { spp: 4096, tolerance_db: 100.0, patches: 64, ..BakeConfig::default() };
-        BakeJob { scene, camera, film, config, passes: Passes::Progressive, irradiance: vec![IrradianceRows::Pixels] }
+        BakeJob { passes: Passes::Progressive, irradiance: vec![IrradianceRows::Pixels], ..room_job(film, config) }
     }
 
     #[test]

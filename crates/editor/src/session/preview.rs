@@ -85,14 +85,12 @@ fn encoded(rgb: [f32; 3]) -> Color32 {
 mod tests {
     use std::time::Duration;
 
-    use clerestory_transport::import;
-
     use super::*;
+    use crate::support::prepared_room;
 
     #[test]
     fn a_preview_comes_coarse_and_then_fine_in_the_shape_of_the_film() {
-        let scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
-        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let scene = Arc::new(prepared_room());
         let camera = scene.scene.cameras[0].clone();
         let worker = start(Arc::new(|_| {})).unwrap();
         let film = Film { width: 1600, height: 800 };

@@ -21,6 +21,7 @@ use crate::illuminance::{AddedLux, LuxFigures, of_grid, seen_irradiance};
 use crate::look::sky::{remade, typed};
 use crate::look::{Look, Units};
 use crate::marks::Marks;
+use crate::support::ROOM;
 
 const FILM: Film = Film { width: 32, height: 24 };
 
@@ -36,7 +37,7 @@ fn room() -> Bake {
 }
 
 fn prepared() -> Arc<PreparedScene> {
-    let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
+    let mut gltf: Value = serde_json::from_str(ROOM).unwrap();
     for (name, x, z, light) in [("right", 0.8, 0.3, 0), ("back", 0.0, -0.8, 1)] {
         let lamp =
             json!({"name": name, "translation": [x, 0.5, z], "extensions": {"KHR_lights_punctual": {"light": light}}});
@@ -212,7 +213,7 @@ fn a_picture_under_other_lights_is_matched_whatever_its_size_and_exposure() {
 
 /// The room without ceiling, front and back, baked under a sun that stands elsewhere now.
 fn under_a_moved_sun() -> Scene {
-    let gltf = include_str!("../../tests/room.gltf").replace("\"count\": 36", "\"count\": 18");
+    let gltf = ROOM.replace("\"count\": 36", "\"count\": 18");
     let imported = import::load_bytes("court", gltf.as_bytes()).unwrap();
     let sky = |place: &str| remade(&SkySetting::default(), typed(place).unwrap()).unwrap();
     let request = SkyRequest { light: sky("sun:200,50").light(None).unwrap(), form: SkyForm::Patches(1) };

@@ -188,21 +188,15 @@ fn banner_ui(ui: &mut Ui, area: Rect, view: &FlightView, actions: &mut Vec<Actio
 
 #[cfg(test)]
 mod tests {
-    use clerestory_transport::import;
     use egui_kittest::Harness;
 
     use super::*;
+    use crate::support::prepared_room;
     use crate::viewport::orbit::nearest_m;
-
-    /// A closed box from −1 to 1, seen from (0, 0, 0.9) along −Z.
-    fn room() -> PreparedScene {
-        let room = include_bytes!("../../tests/room.gltf");
-        PreparedScene::new(import::load_bytes("room.gltf", room).unwrap().scene, &[]).unwrap().0
-    }
 
     #[test]
     fn who_has_looked_around_comes_nearer_to_what_is_in_the_middle_now() {
-        let (scene, film) = (room(), Film { width: 64, height: 48 });
+        let (scene, film) = (prepared_room(), Film { width: 64, height: 48 });
         let habits = Habits::default();
         let view = FlightView { scene: &scene, picture: None, is_baked: true, film, habits, is_baking: false };
         let camera = scene.scene.cameras[0].clone();
@@ -227,7 +221,7 @@ mod tests {
 
     #[test]
     fn how_far_the_middle_of_the_picture_is_counts_along_the_axis() {
-        let (scene, film) = (room(), Film { width: 64, height: 48 });
+        let (scene, film) = (prepared_room(), Film { width: 64, height: 48 });
         let level = scene.scene.cameras[0].clone();
         assert!((pivot_m(&scene, &level, film).unwrap() - 1.9).abs() < 1e-3);
         // Up by the lens: in the middle is the ceiling, half a meter away as the axis goes.

@@ -237,16 +237,16 @@ fn is_seen(sight: &Sight, point: Vec3) -> bool {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::camera::{Camera, Film};
-    use clerestory_transport::import;
     use eframe::egui::pos2;
 
     use super::*;
+    use crate::support::room;
 
     #[test]
     fn what_hides_a_lamp_hides_it_in_a_model_of_centimeters_as_well() {
         // A closed box from −1 to 1, and one of a hundredth of that.
         for scale in [1.0, 0.01] {
-            let mut scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
+            let mut scene = room();
             scene.mesh.positions.iter_mut().for_each(|place| *place *= scale);
             let scene = PreparedScene::new(scene, &[]).unwrap().0;
             let camera = Camera::look_at("c", Vec3::Z * (0.9 * scale), Vec3::NEG_Z, 1.0, 1.0);

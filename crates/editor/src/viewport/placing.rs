@@ -114,16 +114,11 @@ fn round(value: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use clerestory_transport::import;
     use clerestory_transport::light::LightSetting;
 
     use super::*;
     use crate::look::lamps::FARTHEST_M;
-
-    fn scene() -> PreparedScene {
-        let room = include_str!("../../tests/room.gltf");
-        PreparedScene::new(import::load_bytes("room", room.as_bytes()).unwrap().scene, &[]).unwrap().0
-    }
+    use crate::support::prepared_room;
 
     fn spot() -> FreeLamp {
         let (shape, setting) = (LampShape::Spot { inner_rad: 0.35, outer_rad: 0.6 }, LightSetting::default());
@@ -143,7 +138,7 @@ mod tests {
 
     #[test]
     fn a_spot_lights_the_place_that_was_clicked_and_on_the_ceiling_it_shines_down() {
-        let scene = scene();
+        let scene = prepared_room();
         let below = surface_along(&scene, Vec3::new(0.2, 0.0, 0.1), Vec3::NEG_Y).unwrap();
         let above = surface_along(&scene, Vec3::new(0.2, 0.0, 0.1), Vec3::Y).unwrap();
         let hung = placed(spot(), below, Vec3::ZERO, &scene);
@@ -160,7 +155,7 @@ mod tests {
 
     #[test]
     fn a_lamp_is_as_strong_as_the_picture_asks() {
-        let scene = scene();
+        let scene = prepared_room();
         let below = surface_along(&scene, Vec3::new(0.2, 0.0, 0.1), Vec3::NEG_Y).unwrap();
         let hung = placed(spot(), below, Vec3::ZERO, &scene);
         let (strength, unit) = fitting_strength(&hung, -6.0, &scene, 2.0);
@@ -175,7 +170,7 @@ mod tests {
 
     #[test]
     fn in_a_model_of_a_room_lamps_are_placed_as_in_the_room() {
-        let mut model = scene().scene;
+        let mut model = prepared_room().scene;
         model.mesh.positions.iter_mut().for_each(|position| *position *= 0.01);
         let model = PreparedScene::new(model, &[]).unwrap().0;
         let globe = FreeLamp { shape: LampShape::Sphere { radius_m: 0.1 }, ..spot() };
@@ -190,7 +185,7 @@ mod tests {
         for direction in [Vec3::Y, Vec3::NEG_Y, Vec3::NEG_Z] {
             for lamp in [spot(), globe.clone()] {
                 let small = shine(&model, &lamp, 0.01, direction);
-                let room = shine(&scene(), &lamp, 1.0, direction);
+                let room = shine(&prepared_room(), &lamp, 1.0, direction);
                 let what = format!("{small:?} in a model of {room:?}");
                 assert!(small.position.abs().max_element() < 0.01, "{what}");
                 assert!((small.position * 100.0).distance(room.position) < 0.1, "{what}");
@@ -210,7 +205,7 @@ mod tests {
 
     #[test]
     fn a_lamp_comes_no_nearer_to_the_next_surface_than_to_its_own() {
-        let scene = scene();
+        let scene = prepared_room();
         // A nook of 4 cm under the ceiling, seen from the middle of the room.
         let ceiling = surface_along(&scene, Vec3::new(0.2, 0.96, 0.1), Vec3::Y).unwrap();
         let mut shelf = scene.scene.clone();
@@ -232,7 +227,7 @@ mod tests {
 
     #[test]
     fn a_copy_stands_beside_its_lamp_and_within_the_room() {
-        let scene = scene();
+        let scene = prepared_room();
         let camera = &scene.scene.cameras[0];
         let copied = |position: Vec3| beside(&FreeLamp { position, ..spot() }, &[], camera, &scene).position - position;
         let middle = copied(Vec3::new(0.0, 0.2, -0.9));
@@ -243,7 +238,7 @@ mod tests {
 
     #[test]
     fn many_copies_of_a_lamp_stand_apart_and_one_at_the_limit_of_places_has_its_copy_beside_it() {
-        let scene = scene();
+        let scene = prepared_room();
         let camera = &scene.scene.cameras[0];
         let lamp = FreeLamp { position: Vec3::new(0.0, 0.2, -0.9), ..spot() };
         let mut copies = Vec::new();

@@ -96,6 +96,7 @@ mod tests {
     use glam::{Affine2, Quat, Vec2, Vec3, Vec4};
 
     use super::*;
+    use crate::support::{ROOM, room};
 
     const FILM: Film = Film { width: 72, height: 50 };
 
@@ -116,7 +117,7 @@ mod tests {
 
     /// The test room with a card of which half is there, a clear pane, and a table with bumps.
     fn furnished() -> Scene {
-        let mut scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
+        let mut scene = room();
         scene.mesh.uvs[0] = vec![Vec2::ZERO; scene.mesh.positions.len()];
         let texture = |texels: [[u8; 4]; 4]| {
             let image = Arc::new(Image { width: 2, height: 2, texels: texels.to_vec() });
@@ -308,7 +309,7 @@ mod tests {
         let gpus = Gpu::all_headless(DeviceChoice::Any);
         assert!(!gpus.is_empty() || !is_required(), "no adapter");
         let Some(gpu) = gpus.into_iter().next() else { return println!("skipped: no adapter") };
-        let view = view("room.gltf", include_bytes!("../../../tests/room.gltf"));
+        let view = view_of(room());
         let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
         let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
         let mut device = LampDevice::new(&gpu, &view).unwrap();
@@ -327,7 +328,7 @@ mod tests {
     fn what_lies_close_to_a_flat_lamp_is_found_by_every_device() {
         let gpus = Gpu::all_headless(DeviceChoice::Any);
         assert!(!gpus.is_empty() || !is_required(), "no adapter");
-        let view = view("room.gltf", include_bytes!("../../../tests/room.gltf"));
+        let view = view_of(room());
         let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
         let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
         let lamps = lamps(Vec3::new(0.1, 0.1, -0.7), Vec3::new(0.3, -0.2, -1.0));
@@ -359,7 +360,7 @@ mod tests {
     fn lamps_in_bad_places_are_lit_by_every_device_as_by_the_cpu() {
         let gpus = Gpu::all_headless(DeviceChoice::Any);
         assert!(!gpus.is_empty() || !is_required(), "no adapter");
-        let mut scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
+        let mut scene = room();
         let within = Vec3::new(0.4, -0.3, -0.6);
         let plain = Material { metallic: 0.0, double_sided: true, ..Material::default() };
         add_box(&mut scene, (within, Vec3::new(0.25, 0.3, 0.25)), Quat::IDENTITY, plain);
@@ -429,7 +430,7 @@ mod tests {
 
     /// Such a room with panes as given by middle and half of their size, and then turned about the origin; every second is tinted.
     fn glazed_with(panes: &[(Vec3, Vec3)], turn: Quat) -> Scene {
-        let room = include_str!("../../../tests/room.gltf").replace(r#""count": 36"#, r#""count": 30"#);
+        let room = ROOM.replace(r#""count": 36"#, r#""count": 30"#);
         let mut scene = import::load_bytes("room.gltf", room.as_bytes()).unwrap().scene;
         let glass = Material {
             base_color: Vec4::new(0.9, 0.8, 0.95, 1.0),
@@ -527,7 +528,7 @@ mod tests {
         assert!(!gpus.is_empty() || !is_required(), "no adapter");
         let Some(gpu) = gpus.into_iter().next() else { return println!("skipped: no adapter") };
         // The first wall of the room, the left one, alone.
-        let wall = include_str!("../../../tests/room.gltf").replace(r#""count": 36"#, r#""count": 6"#);
+        let wall = ROOM.replace(r#""count": 36"#, r#""count": 6"#);
         let view = view("wall.gltf", wall.as_bytes());
         let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
         let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();

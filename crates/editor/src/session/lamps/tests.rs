@@ -1,7 +1,6 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use clerestory_transport::import;
 use clerestory_transport::lamps::{LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::LightSetting;
 use clerestory_transport::scene::{Material, Scene};
@@ -9,12 +8,9 @@ use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 use glam::Vec2;
 
 use super::*;
+use crate::support::room;
 
 const FILM: Film = Film { width: 32, height: 24 };
-
-fn room() -> Scene {
-    import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene
-}
 
 pub(crate) fn view() -> Arc<LampView> {
     view_of(room())

@@ -1,4 +1,3 @@
-use clerestory_transport::import;
 use clerestory_transport::lamps::{LampUnit, PreparedLamps};
 use clerestory_transport::light::LightSetting;
 use clerestory_transport::scene::Material;
@@ -6,12 +5,7 @@ use eframe::egui::{self, pos2};
 
 use super::*;
 use crate::look::Look;
-
-/// A closed box from −1 to 1, seen from (0, 0, 0.9) along −Z.
-fn room() -> PreparedScene {
-    let scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
-    PreparedScene::new(scene, &[]).unwrap().0
-}
+use crate::support::prepared_room;
 
 fn sight(scene: &PreparedScene) -> Sight<'_> {
     let image = Rect::from_min_size(pos2(100.0, 50.0), vec2(800.0, 600.0));
@@ -40,7 +34,7 @@ fn near(a: Vec3, b: Vec3) -> bool {
 
 /// Takes a part where one point is seen and carries it to where another is seen, in three steps.
 fn drag(part: Part, of: &FreeLamp, [from, to]: [Vec3; 2], held: Held) -> FreeLamp {
-    let scene = room();
+    let scene = prepared_room();
     let sight = sight(&scene);
     let (from, to) = (sight.seen_at(from).unwrap(), sight.seen_at(to).unwrap());
     let mut drag = Drag::begin(&sight, of, part, from);
@@ -66,7 +60,7 @@ fn the_nearest_point_of_an_axis_and_the_meeting_with_a_plane_are_those_of_geomet
 
 #[test]
 fn what_is_seen_is_where_the_pointer_is() {
-    let scene = room();
+    let scene = prepared_room();
     let sight = sight(&scene);
     for point in [Vec3::new(0.3, -0.2, -0.9), Vec3::new(-0.4, 0.4, 0.0)] {
         let at = sight.seen_at(point).unwrap();
@@ -119,7 +113,7 @@ fn a_square_moves_across_its_axis() {
 
 #[test]
 fn a_lamp_that_is_seen_from_many_diameters_away_moves_as_from_close_by() {
-    let scene = room();
+    let scene = prepared_room();
     let camera = Camera::look_at("far", Vec3::new(0.0, 0.0, 60.0), Vec3::ZERO, 0.05, 4.0 / 3.0);
     let sight = Sight { camera: &camera, ..sight(&scene) };
     let of = lamp(Vec3::new(0.1, 0.2, -0.4));
@@ -172,7 +166,7 @@ fn the_aim_goes_over_surfaces_and_stays_where_it_is_asked_to() {
 
 #[test]
 fn a_rectangle_whose_aim_is_dragged_around_straight_below_lights_the_floor_without_a_jump() {
-    let scene = room();
+    let scene = prepared_room();
     let sight = sight(&scene);
     let place = Vec3::new(0.0, 0.2, -0.4);
     let shape = LampShape::Rectangle { size_m: [0.8, 0.05] };
@@ -201,7 +195,7 @@ fn a_rectangle_whose_aim_is_dragged_around_straight_below_lights_the_floor_witho
 
 #[test]
 fn where_one_looks_along_an_axis_or_beyond_the_horizon_the_lamp_stays() {
-    let scene = room();
+    let scene = prepared_room();
     let sight = sight(&scene);
     // In the middle of the view one looks along Z.
     let of = lamp(Vec3::new(0.0, 0.0, -0.4));
@@ -237,7 +231,7 @@ fn a_lamp_goes_no_farther_than_a_look_holds_and_keeps_its_direction() {
 
 #[test]
 fn a_lamp_is_put_before_a_surface_and_shines_away_from_it() {
-    let scene = room();
+    let scene = prepared_room();
     let surface = Surface { position: Vec3::Y, normal: Vec3::NEG_Y };
     let put = put_on(lamp(Vec3::ZERO), surface, Vec3::new(0.0, 0.0, 3.0), &scene);
     assert!(put.position.y < 1.0 && put.position.y > 0.6 && put.aim.y < put.position.y, "{put:?}");
@@ -249,7 +243,7 @@ fn a_lamp_is_put_before_a_surface_and_shines_away_from_it() {
 
 #[test]
 fn who_aims_through_a_pane_lights_what_is_behind_it() {
-    let mut scene = room().scene;
+    let mut scene = prepared_room().scene;
     let first = scene.mesh.positions.len() as u32;
     scene
         .mesh

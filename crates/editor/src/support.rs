@@ -1,0 +1,41 @@
+//! What unit tests share: the room of the process tests, read, prepared, to be baked, and in a window.
+
+use std::sync::Arc;
+
+use clerestory_transport::bake::{BakeConfig, BakeJob, Passes};
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::scene::Scene;
+use egui_kittest::Harness;
+
+use crate::app::{App, Start};
+use crate::session::{BakeSettings, Source};
+
+/// A closed box from −1 to 1 with one lamp, seen from (0, 0, 0.9) along −Z.
+pub(crate) const ROOM: &str = include_str!("../tests/room.gltf");
+
+pub(crate) fn room() -> Scene {
+    import::load_bytes("room.gltf", ROOM.as_bytes()).unwrap().scene
+}
+
+pub(crate) fn prepared_room() -> PreparedScene {
+    PreparedScene::new(room(), &[]).unwrap().0
+}
+
+/// One pass of the room as its first camera sees it.
+pub(crate) fn room_job(film: Film, config: BakeConfig) -> BakeJob {
+    let scene = Arc::new(prepared_room());
+    let camera = scene.scene.cameras[0].clone();
+    BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() }
+}
+
+pub(crate) fn room_source() -> Source {
+    Source::Bytes { name: "room.gltf".into(), bytes: ROOM.as_bytes().to_vec() }
+}
+
+/// A window that opens the room, with nothing of the user's.
+pub(crate) fn room_window(settings: Option<BakeSettings>) -> Harness<'static, App> {
+    let start = Start::alone(room_source(), settings);
+    Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap())
+}
