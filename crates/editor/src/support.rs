@@ -1,4 +1,4 @@
-//! What unit tests share: the room of the process tests, read, prepared, to be baked, and in a window.
+//! What unit tests share: the room of the process tests, read, prepared, to be baked, and in a window; a drag of the pointer.
 
 use std::sync::Arc;
 
@@ -7,6 +7,7 @@ use clerestory_transport::camera::Film;
 use clerestory_transport::import;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::Scene;
+use eframe::egui::Pos2;
 use egui_kittest::Harness;
 
 use crate::app::{App, Start};
@@ -38,4 +39,14 @@ pub(crate) fn room_source() -> Source {
 pub(crate) fn room_window(settings: Option<BakeSettings>) -> Harness<'static, App> {
     let start = Start::alone(room_source(), settings);
     Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap())
+}
+
+/// Takes what is at one place to another, where it is held still.
+pub(crate) fn pull<State>(window: &mut Harness<'_, State>, from: Pos2, to: Pos2) {
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    window.run_steps(2);
+    window.hover_at(to);
+    window.run_steps(2);
 }

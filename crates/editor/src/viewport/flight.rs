@@ -191,7 +191,7 @@ mod tests {
     use egui_kittest::Harness;
 
     use super::*;
-    use crate::support::prepared_room;
+    use crate::support::{prepared_room, pull};
     use crate::viewport::orbit::nearest_m;
 
     #[test]
@@ -206,12 +206,7 @@ mod tests {
         };
         let mut window = Harness::builder().with_size(vec2(600.0, 400.0)).build_ui_state(in_hand, flight);
         let (from, to) = (pos2(150.0, 250.0), pos2(450.0, 250.0));
-        window.hover_at(from);
-        window.run_steps(2);
-        window.drag_at(from);
-        window.run_steps(2);
-        window.hover_at(to);
-        window.run_steps(2);
+        pull(&mut window, from, to);
         window.drop_at(to);
         window.run_steps(3);
         let flight = window.state();

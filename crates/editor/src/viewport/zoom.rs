@@ -178,6 +178,7 @@ mod tests {
     use egui_kittest::Harness;
 
     use super::*;
+    use crate::support::pull;
 
     const AREA: Rect = Rect { min: pos2(10.0, 20.0), max: pos2(810.0, 620.0) };
 
@@ -229,12 +230,7 @@ mod tests {
             zoom.await_region();
             let before = zoom.image_rect(AREA, size);
             let mut window = Harness::builder().with_size(vec2(600.0, 400.0)).build_ui_state(picture, (zoom, None));
-            window.hover_at(from);
-            window.run_steps(2);
-            window.drag_at(from);
-            window.run_steps(2);
-            window.hover_at(to);
-            window.run_steps(2);
+            pull(&mut window, from, to);
             assert_eq!(window.state().1, Some(Grab::Region(from)));
             if is_given_up {
                 window.key_press(Key::Escape);
