@@ -17,10 +17,7 @@ impl Bake {
     /// share of the tolerance that packing may use, and say so in their errors.
     /// `None` if nobody wants it any more.
     pub(crate) fn packing(header: Arc<BakeHeader>, matrices: Vec<Vec<BlockLowRank>>, focus: &Focus) -> Option<Bake> {
-        let n_of_patches = usize::from(header.patches.is_some());
-        let of_lights = |groups: &[BlockLowRank]| groups.len() - n_of_patches;
-        let before: Vec<_> =
-            matrices.iter().map(|groups| BeforePacking::new(&groups[..of_lights(groups)], &header.basis)).collect();
+        let before: Vec<_> = matrices.iter().map(|groups| header.before_packing(groups)).collect();
         // Each group is dropped as soon as it is packed: most factors are never there twice.
         let pack =
             |(group, plan): (BlockLowRank, PackPlan)| (!focus.is_left()).then(|| PackedMatrix::pack(&group, &plan));
@@ -32,12 +29,7 @@ impl Bake {
         for (matrix, before) in before.into_iter().enumerate() {
             let Some(before) = before else { continue };
             let groups = if matrix == 0 { &bake.groups } else { &bake.irradiance[matrix - 1] };
-            let column_error = before.after(&groups[..of_lights(groups)], &bake.header.basis);
-            let header = Arc::make_mut(&mut bake.header);
-            match matrix {
-                0 => header.column_error = column_error,
-                _ => header.irradiance[matrix - 1].column_error = column_error,
-            }
+            Arc::make_mut(&mut bake.header).tell_column_error(matrix, before, groups);
         }
         Some(bake)
     }
@@ -53,6 +45,25 @@ impl Bake {
 }
 
 impl BakeHeader {
+    /// What is known of the lights of a matrix before its groups are packed.
+    pub(super) fn before_packing(&self, groups: &[BlockLowRank]) -> Option<BeforePacking> {
+        BeforePacking::new(self.of_lights(groups), &self.basis)
+    }
+
+    /// Tells the error of each column of lights of a matrix, given the same groups as they were packed.
+    pub(super) fn tell_column_error(&mut self, matrix: usize, before: BeforePacking, packed: &[BlockLowRank]) {
+        let column_error = before.after(self.of_lights(packed), &self.basis);
+        match matrix {
+            0 => self.column_error = column_error,
+            _ => self.irradiance[matrix - 1].column_error = column_error,
+        }
+    }
+
+    /// Of the groups of a matrix those of lights: patches come last.
+    fn of_lights<'a>(&self, groups: &'a [BlockLowRank]) -> &'a [BlockLowRank] {
+        &groups[..groups.len() - usize::from(self.patches.is_some())]
+    }
+
     /// How each group of each matrix is packed.
     pub(crate) fn pack_plans(&self) -> Vec<Vec<PackPlan>> {
         let allowed = |kind: ColumnKind, tolerance_db: f32| match kind {

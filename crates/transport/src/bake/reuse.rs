@@ -14,7 +14,6 @@ use super::focus::Focus;
 use super::grounds::{Grounds, serves};
 use super::{Bake, BakeConfig, BakeError, BakeEvent, BakeHeader, BakeJob, HalfDone};
 use crate::basis::{ColumnGroup, ColumnKind, LightBasis, LightSource};
-use crate::column_errors::BeforePacking;
 use crate::fingerprint::fingerprint;
 use crate::irradiance::{IrradianceHeader, IrradianceRows};
 use crate::skips::{Skip, Spared};
@@ -204,19 +203,17 @@ impl BakeJob {
         let Some((mut header, mut matrices)) = self.run_irradiance(header, there, done, focus, on_event)? else {
             return Ok(None);
         };
-        let n_of_lights = matrices[0].len() - usize::from(header.patches.is_some());
         let plans = header.pack_plans();
         let mut packed = Arc::unwrap_or_clone(packed.expect("a bake that was joined is packed"));
         for set in (0..reuse.sets.len()).filter(|set| is_new(*set)) {
             let matrix = 1 + set;
-            let before = BeforePacking::new(&matrices[matrix][..n_of_lights], &header.basis);
+            let before = header.before_packing(&matrices[matrix]);
             let pack = |(group, plan): (&BlockLowRank, &PackPlan)| PackedMatrix::pack(group, plan);
             packed[matrix] = matrices[matrix].iter().zip(&plans[matrix]).map(pack).collect();
             let unpack = |group: &PackedMatrix| group.unpack().expect("what was just packed can be unpacked");
             matrices[matrix] = packed[matrix].iter().map(unpack).collect();
             if let Some(before) = before {
-                let column_error = before.after(&matrices[matrix][..n_of_lights], &header.basis);
-                Arc::make_mut(&mut header).irradiance[set].column_error = column_error;
+                Arc::make_mut(&mut header).tell_column_error(matrix, before, &matrices[matrix]);
             }
         }
         let groups = matrices.remove(0);
