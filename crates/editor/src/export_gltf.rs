@@ -17,6 +17,7 @@ use anyhow::{Context, Result};
 use clerestory_transport::prepared::PreparedScene;
 
 use crate::look::Look;
+pub use container::{BIN, write_glb};
 use container::{Container, Kind};
 use raw::Document;
 

@@ -11,7 +11,8 @@ use crate::output::{PendingFile, write_whole};
 
 const MAGIC: u32 = 0x4654_6C67;
 const JSON: u32 = 0x4E4F_534A;
-const BIN: u32 = 0x004E_4942;
+/// Kind of the chunk of a GLB that holds the first buffer.
+pub const BIN: u32 = 0x004E_4942;
 
 /// Kind of file that is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,24 +93,29 @@ pub(super) fn save(
         buffer.set("uri", &percent_encoded(&name.file_name().unwrap_or_default().to_string_lossy()));
         document.put("buffers", 0, &buffer);
     }
-    let mut json = document.into_json();
-    place.commit(|writer| {
-        if kind == Kind::Gltf {
-            return Ok(writer.write_all(&json)?);
-        }
-        json.resize(json.len().next_multiple_of(4), b' ');
-        let length =
-            12 + [&json[..]].into_iter().chain(source.chunks.iter().map(|c| c.1)).map(|c| 8 + c.len()).sum::<usize>();
-        let length = u32::try_from(length).context("a GLB holds 4 GiB at most; write a .gltf")?;
-        let words = |words: [u32; 2]| words.map(u32::to_le_bytes).concat();
-        writer.write_all(&[words([MAGIC, 2]), length.to_le_bytes().to_vec()].concat())?;
-        for (kind, content) in std::iter::once(&(JSON, &json[..])).chain(&source.chunks) {
-            writer.write_all(&words([content.len() as u32, *kind]))?;
-            writer.write_all(content)?;
-        }
-        Ok(())
+    let json = document.into_json();
+    place.commit(|writer| match kind {
+        Kind::Gltf => Ok(writer.write_all(&json)?),
+        Kind::Glb => write_glb(writer, json, &source.chunks),
     })?;
     put.keep();
+    Ok(())
+}
+
+/// Writes a GLB: its JSON, filled up with spaces, and behind it the other chunks as they are, each a kind and a multiple of four bytes.
+///
+/// # Errors
+/// If it is larger than a GLB can be, or cannot be written.
+pub fn write_glb(writer: &mut impl Write, mut json: Vec<u8>, chunks: &[(u32, &[u8])]) -> Result<()> {
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let length = 12 + [&json[..]].into_iter().chain(chunks.iter().map(|c| c.1)).map(|c| 8 + c.len()).sum::<usize>();
+    let length = u32::try_from(length).context("a GLB holds 4 GiB at most; write a .gltf")?;
+    let words = |words: [u32; 2]| words.map(u32::to_le_bytes).concat();
+    writer.write_all(&[words([MAGIC, 2]), length.to_le_bytes().to_vec()].concat())?;
+    for (kind, content) in std::iter::once(&(JSON, &json[..])).chain(chunks) {
+        writer.write_all(&words([content.len() as u32, *kind]))?;
+        writer.write_all(content)?;
+    }
     Ok(())
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use clerestory::export_gltf::{BIN, write_glb};
 use glam::{Quat, Vec3};
 use serde_json::{Map, Value, json};
 
@@ -287,22 +288,9 @@ impl Document {
     /// The bytes of the GLB file.
     pub fn into_glb(mut self, name: &str) -> Vec<u8> {
         self.binary.resize(self.binary.len().next_multiple_of(4), 0);
-        let mut json_bytes = self.root(name).to_string().into_bytes();
-        json_bytes.resize(json_bytes.len().next_multiple_of(4), b' ');
-        let total = 12 + 8 + json_bytes.len() + 8 + self.binary.len();
-        let mut out = Vec::with_capacity(total);
-        let word = |out: &mut Vec<u8>, x: usize| {
-            out.extend_from_slice(&u32::try_from(x).expect("the file is far below 4 GiB").to_le_bytes());
-        };
-        out.extend_from_slice(b"glTF");
-        word(&mut out, 2);
-        word(&mut out, total);
-        word(&mut out, json_bytes.len());
-        out.extend_from_slice(b"JSON");
-        out.extend_from_slice(&json_bytes);
-        word(&mut out, self.binary.len());
-        out.extend_from_slice(b"BIN\0");
-        out.extend_from_slice(&self.binary);
+        let json = self.root(name).to_string().into_bytes();
+        let mut out = Vec::new();
+        write_glb(&mut out, json, &[(BIN, &self.binary[..])]).expect("the file is far below 4 GiB");
         out
     }
 

@@ -5,6 +5,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
+use clerestory::export_gltf::{BIN, write_glb};
 use image::{ImageFormat, Rgb, RgbImage};
 use serde_json::{Value, json};
 
@@ -22,7 +23,7 @@ pub(super) fn copy(scene: &Path, to: &Path) -> Result<()> {
     let cannot = || format!("cannot add an image to {}", scene.display());
     let bytes = fs::read(scene).with_context(cannot)?;
     ensure!(bytes.starts_with(b"glTF"), "{} is no binary glTF file", scene.display());
-    let (head, rest) = bytes.split_at_checked(HEADER_BYTES).with_context(cannot)?;
+    let rest = bytes.get(HEADER_BYTES..).with_context(cannot)?;
     let (document, rest) = chunk(rest).with_context(cannot)?;
     let (binary, _) = chunk(rest).with_context(cannot)?;
     let mut document: Value = serde_json::from_slice(document).with_context(cannot)?;
@@ -40,16 +41,8 @@ pub(super) fn copy(scene: &Path, to: &Path) -> Result<()> {
     let mut dark = materials.iter_mut().filter(|material| material.get("emissiveFactor").is_none());
     dark.next().with_context(cannot)?["emissiveTexture"] = json!({ "index": texture });
 
-    let mut document = serde_json::to_vec(&document)?;
-    document.resize(document.len().next_multiple_of(4), b' ');
-    let length = HEADER_BYTES + 2 * CHUNK_HEADER_BYTES + document.len() + binary.len();
-    let mut copy = head[..8].to_vec();
-    copy.extend(u32::try_from(length)?.to_le_bytes());
-    for (kind, content) in [(b"JSON", document), (b"BIN\0", binary)] {
-        copy.extend(u32::try_from(content.len())?.to_le_bytes());
-        copy.extend(kind);
-        copy.extend(content);
-    }
+    let mut copy = Vec::new();
+    write_glb(&mut copy, serde_json::to_vec(&document)?, &[(BIN, &binary[..])])?;
     fs::write(to, copy).with_context(cannot)
 }
 
