@@ -49,10 +49,11 @@ const STRETCH: f64 = 1.25;
 const ROUNDS: usize = 3;
 /// Seeds of Algorithm 4's k-means, from 0 on.
 const N_SEEDS: u64 = 3;
-/// Tolerances that noisy halves are asked for, in dB, and who is asked for one of them beside us, all of which would take too long: they
-/// know no noise from signal. Of the first both halves can tell; what is asked for by the others is below what they can tell apart.
-const NOISY: [f64; 4] = [25.0, 30.0, 35.0, 40.0];
-const BESIDE_DB: f64 = 30.0;
+/// Tolerances that noisy halves are asked for, in dB, and who is asked for them beside us. Of the first both halves can tell; what is asked
+/// for by the next ones is below what they can tell apart.
+const NOISY: [(f64, &[Method]); 4] =
+    [(25.0, &BESIDE_NOISE), (30.0, &BESIDE_NOISE), (35.0, &[Method::Svd]), (40.0, &[Method::Svd])];
+/// Others know no noise from signal and fit it with great ranks, so that all of them at all tolerances would take too long.
 const BESIDE_NOISE: [Method; 3] = [Method::Svd, Method::Alg4(Core::PseudoInverse { rcond: RCONDS[0] }), Method::RowId];
 
 /// One method's results.
@@ -263,39 +264,55 @@ fn noisy(desk: &Desk, path: &Path) -> Result<Told> {
     let sampled = Sampled::new(&subject);
     let before = decibels(sampled.judged.mean_square());
     let (mut rows, mut goals, mut best) = (String::new(), Goals::default(), f64::NEG_INFINITY);
-    let mut beside_best = String::new();
-    for target_db in NOISY {
+    let mut reached = Vec::new();
+    for (target_db, beside) in NOISY {
         desk.say(&format!("the noisy halves of mixed at {target_db} dB"));
         let coded = subject.coded(Method::Projected, target_db)?;
         best = best.max(decibels(coded.judged.mean_square()));
         rows += &format!("| {target_db} dB {}\n", cells(&subject, target_db, &coded));
-        let others: Results = match !desk.quick && target_db == BESIDE_DB {
-            true => BESIDE_NOISE
-                .map(|method| coded_by(desk, method, ("the noisy halves of mixed", &subject), target_db))
-                .into(),
-            false => Results::new(),
-        };
+        let others: Results = desk
+            .choose(&[][..], beside)
+            .iter()
+            .map(|&method| coded_by(desk, method, ("the noisy halves of mixed", &subject), target_db))
+            .collect();
         rows +=
             &others.iter().map(|of| format!("| {target_db} dB, {}", row(&subject, target_db, of))).collect::<String>();
-        if !others.is_empty() {
-            let of_others = words_of(others.iter(), &|coded| format!("{:.1}", decibels(coded.judged.mean_square())));
-            beside_best = format!("asked for {target_db} dB: {of_others}");
-        }
+        reached.extend(others.iter().filter_map(|(method, result)| {
+            let coded = result.as_ref().ok()?;
+            Some((*method, decibels(coded.judged.mean_square())))
+        }));
         goals.of_noise(target_db, &coded, &others);
         goals.never_worse((&subject, &sampled), target_db, &coded, &others);
     }
     let what = "`mixed`: noisy halves to the converged matrix, dB, best of what was asked";
     goals.at_least(what.into(), 31.0, best, format!("{best:.1}, their mean: {before:.1}"));
-    goals.beside(beside_best);
+    goals.beside(best_words(&reached));
     let text = format!(
         "\n### Noisy halves of `mixed`\n\n\
-         Two path-traced halves, the mean of which is at {before:.1} dB, asked for several tolerances: ours, and at one of them others that fit that mean as it is, Algorithm 4 with the threshold {} alone. The noise of the converged matrix\n\
+         Two path-traced halves, the mean of which is at {before:.1} dB, asked for several tolerances: ours{}. The noise of the converged matrix\n\
          counts as error of blocks that come near it. The picture under all columns at 1 is at {:.1} dB as it was sampled, below the value that 99.5 % of the true one do not exceed.\n\n{}{rows}",
-        RCONDS[0],
+        desk.choose(String::new(), beside_words()),
         sampled.all_columns_db,
         HEAD.replacen("method", "asked for, by", 1)
     );
     Ok((text, goals))
+}
+
+/// Who is beside ours on noisy halves.
+fn beside_words() -> String {
+    format!(
+        ", and others that fit that mean as it is, Algorithm 4 with the threshold {} alone; where more than {} dB are asked for, the best of them at equal rank (`svd`) alone, for the time that all take",
+        RCONDS[0], NOISY[1].0,
+    )
+}
+
+/// The best of each method over all that it was asked for; nothing of none.
+fn best_words(reached: &[(Method, f64)]) -> String {
+    let best = |method: Method| {
+        let best = reached.iter().filter(|(of, _)| *of == method).map(|(_, db)| *db).reduce(f64::max);
+        best.map(|db| format!("`{method}` {db:.1}"))
+    };
+    BESIDE_NOISE.into_iter().filter_map(best).collect::<Vec<_>>().join(", ")
 }
 
 /// How far the samples of a matrix are from it before anything is made of them.
@@ -376,7 +393,7 @@ impl Goals {
         ];
         for (what, goal, value) in asked {
             let words = format!("{:.1}", value(judged));
-            if target_db == NOISY[0] {
+            if target_db == NOISY[0].0 {
                 self.at_least(at(what), goal, value(judged), words);
             } else {
                 self.figure(at(what), "below what the halves can tell apart", words);
@@ -509,6 +526,13 @@ mod tests {
         let told: Vec<[&str; 4]> = goals.rows.iter().map(|row| [1, 2, 3, 4].map(|cell| row[cell].as_str())).collect();
         assert_eq!(told[0], ["≥ 6", "6.0", "kept", "`svd` 6.0"]);
         assert_eq!((told[1][0], told.len()), ("≤ 0", 2));
+    }
+
+    #[test]
+    fn the_best_of_each_rival_counts_whatever_it_was_asked_for() {
+        let [svd, _, row_id] = BESIDE_NOISE;
+        assert_eq!(best_words(&[(svd, 18.42), (row_id, 17.0), (svd, 18.57)]), "`svd` 18.6, `row-id` 17.0");
+        assert_eq!(best_words(&[]), "");
     }
 
     #[test]
