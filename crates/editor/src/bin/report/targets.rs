@@ -55,6 +55,8 @@ const NOISY: [(f64, &[Method]); 4] =
     [(25.0, &BESIDE_NOISE), (30.0, &BESIDE_NOISE), (35.0, &[Method::Svd]), (40.0, &[Method::Svd])];
 /// Others know no noise from signal and fit it with great ranks, so that all of them at all tolerances would take too long.
 const BESIDE_NOISE: [Method; 3] = [Method::Svd, Method::Alg4(Core::PseudoInverse { rcond: RCONDS[0] }), Method::RowId];
+/// No block is aimed to be worse than what is asked for by more than so many dB.
+const WORST_BELOW_DB: f64 = 4.0;
 
 /// One method's results.
 type Results = Vec<(Method, Result<Coded>)>;
@@ -389,7 +391,7 @@ impl Goals {
         let at = |what: &str| format!("{what}, noisy halves of `mixed` asked for {target_db} dB");
         let asked: [(&str, f64, Figure); 2] = [
             ("dB reached", target_db, |judged| decibels(judged.mean_square())),
-            ("worst block, dB", target_db - 4.0, Judged::worst_db),
+            ("worst block, dB", target_db - WORST_BELOW_DB, Judged::worst_db),
         ];
         for (what, goal, value) in asked {
             let words = format!("{:.1}", value(judged));
@@ -458,8 +460,8 @@ impl Goals {
         let (reached, worst) = (decibels(ours.judged.mean_square()), ours.judged.worst_db());
         push(
             "dB reached, worst block",
-            format!("{target_db} … {}, ≥ {}", target_db + 2.0, target_db - 4.0),
-            (target_db..=target_db + 2.0).contains(&reached) && worst >= target_db - 4.0,
+            format!("{target_db} … {}, ≥ {}", target_db + 2.0, target_db - WORST_BELOW_DB),
+            (target_db..=target_db + 2.0).contains(&reached) && worst >= target_db - WORST_BELOW_DB,
             &|coded| format!("{:.1}, {:.1}", decibels(coded.judged.mean_square()), coded.judged.worst_db()),
         );
         push("seams", "≤ 1.2".into(), ours.judged.seams <= 1.2, &|coded| format!("{:.2}", coded.judged.seams));
