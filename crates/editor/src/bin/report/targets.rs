@@ -4,6 +4,7 @@
 mod at_tolerance;
 pub mod baked;
 pub mod coded;
+mod grid;
 pub mod judged;
 mod many;
 mod shared_right;
@@ -21,6 +22,7 @@ use clerestory_nystrom::rivals::{Core, Method};
 use serde::{Deserialize, Serialize};
 
 use self::coded::{Coded, Coding, Subject};
+use self::grid::Grid;
 use self::judged::{Judged, decibels};
 use super::desk::Desk;
 use super::fit::{hundredths, tenths, wholes};
@@ -57,6 +59,9 @@ const NOISY: [(f64, &[Method]); 4] =
 const BESIDE_NOISE: [Method; 3] = [Method::Svd, Method::Alg4(Core::PseudoInverse { rcond: RCONDS[0] }), Method::RowId];
 /// No block is aimed to be worse than what is asked for by more than so many dB.
 const WORST_BELOW_DB: f64 = 4.0;
+/// What is asked for so many dB is looked at for a grid: no border of blocks is aimed to step by so many levels of 8 bits more than within.
+const GRID_DB: f64 = 35.0;
+const GRID_LEVELS: f64 = 0.5;
 
 /// One method's results.
 type Results = Vec<(Method, Result<Coded>)>;
@@ -112,12 +117,18 @@ pub fn write(desk: &Desk) -> Result<String> {
          best there is at equal rank (Eckart–Young), packed alike; `row-id` is the next best at equal rank on blocks of both matrices, as Methods has it. The least rank is that of all singular values of all\n\
          blocks under one threshold, at the error that was reached. Multiply-adds are those of a product with three channels of light, per pixel: with\n\
          factors as they are unpacked, which is what the relighters do, and with right factors in cosines, zeros left out (`PackedProduct`).\n\
-         Seams: the step of the error from pixel to pixel, root mean square, across borders of blocks over within. Told: blocks that tell their error to\n\
+         Seams: the step of the error from pixel to pixel, root mean square, across borders of blocks over within.\n\
+         Grid: whether borders of blocks show on a display. The picture under all columns at 1 is exposed so that the {} percentile of its luminance is white, clipped there and encoded in sRGB without a tone curve, in levels of 8 bits\n\
+         that are not rounded, so that nothing hides in the rounding. Steps of the error are taken across each border of two blocks, in two ways, averaged over the channels: the mean of their sizes over the pixels along it, and the size of their mean, which\n\
+         the eye follows along a border even where single pixels step more. Each is told less the mean of the same between the lines of pixels within both blocks, and the greater of both counts. Aimed at is that not even the worst of all borders has {GRID_LEVELS} levels:\n\
+         what is less is rounded off more often than not. As that picture is kept far better than asked, the same is told under each column alone, exposed by itself: medians over the columns of the worst border and of the mean. That has no goal, since errors as large\n\
+         as asked for are seen within blocks as well, and seams judge how these step. Told: blocks that tell their error to\n\
          between 0.8 and 1.25 of it; ours is told the converged matrix as both halves, but for the noisy halves and in bakes, so that only there its estimate can be wrong. Milliseconds of one core per block, factors + bytes:\n\
          of ours the shortest of {} rounds, one round for the noisy halves and for the many columns; of others one round, which holds the search for the rank that\n\
          the tolerance takes, which ours finds on the way. Algorithm 4 has for each target that threshold of its pseudo-inverse of {} that suits it best; chapters that try others tell them. Seed {}; below the tables Algorithm 4 with more of them, and each chapter that traces tells its own.\n\
          What is missed: of sharp shadows in many columns and of multiply-adds [decision 0040](decisions/0040-no-right-basis-is-shared.md) tells why, of the errors that noisy halves tell [decision 0041](decisions/0041-no-block-is-worse-than-its-samples.md);\n\
          milliseconds per block stand beside those of tracing in the last row, as [decision 0046](decisions/0046-blocks-are-traced-whole.md) weighs them. {}\n\n{}{text}",
+        grid::WHITE_PERCENT,
         desk.choose(1, ROUNDS),
         rconds_words(&RCONDS),
         CompressConfig::default().seed,
@@ -135,6 +146,9 @@ fn of_matrix(desk: &Desk, name: &str, path: &Path) -> Result<Told> {
         text += &format!("\n### `{name}` at {target_db} dB\n\n{}", table(&subject, target_db, &results));
         text += &seeds_words(desk, (name, &subject), target_db, &results);
         goals.of_ratio(name, &subject, (target_db, aim), &results)?;
+        if target_db == GRID_DB {
+            goals.of_grid(name, &subject, &results);
+        }
     }
     Ok((text, goals))
 }
@@ -485,6 +499,23 @@ impl Goals {
         Ok(())
     }
 
+    /// Whether borders of blocks show in pictures as a display has them: under all columns, and under each alone.
+    fn of_grid(&mut self, name: &str, subject: &Subject, results: &Results) {
+        // Where ours finds nothing the section has ended.
+        let Some(((_, Ok(ours)), others)) = results.split_first() else { return };
+        let at = |what: &str| format!("{what}, 8-bit levels: worst border, mean, `{name}` at {GRID_DB} dB");
+        let words = |[worst, mean]: [f64; 2]| format!("{worst:.2}, {mean:.2}");
+        let found = |coded: &Coded| subject.truth.unpacked(&coded.matrix);
+        let under_all = |coded: &Coded| Grid::under_all(&subject.truth, &found(coded)).worst_and_mean();
+        let all = under_all(ours);
+        let beside = words_of(others.iter(), &|coded| words(under_all(coded)));
+        let goal = format!("< {GRID_LEVELS}");
+        self.push(at("grid under all columns"), goal, words(all), (all[0] < GRID_LEVELS, beside));
+        let under_one = |coded: &Coded| words(grid::under_one(&subject.truth, &found(coded)));
+        self.figure(at("grid under one column"), "no goal: its seams are judged", under_one(ours));
+        self.beside(words_of(others.iter(), &under_one));
+    }
+
     fn table(&self) -> String {
         let row = |cells: &[String; 5]| format!("| {} |\n", cells.join(" | "));
         let rows: String = self.rows.iter().map(row).collect();
@@ -528,6 +559,31 @@ mod tests {
         let told: Vec<[&str; 4]> = goals.rows.iter().map(|row| [1, 2, 3, 4].map(|cell| row[cell].as_str())).collect();
         assert_eq!(told[0], ["≥ 6", "6.0", "kept", "`svd` 6.0"]);
         assert_eq!((told[1][0], told.len()), ("≤ 0", 2));
+    }
+
+    #[test]
+    fn a_border_of_blocks_that_shows_misses_its_goal() {
+        let told = |right: f32| {
+            let picture = |right: f32| Picture {
+                width: 32,
+                height: 16,
+                n_cols: 4,
+                values: (0..32 * 16 * 3 * 4).map(|i| if i / 12 % 32 < 16 { 1.0 } else { right }).collect(),
+            };
+            let subject = Subject::new(picture(1.0), Some([picture(right), picture(right)]));
+            let results: Results = METHODS[..2].iter().map(|&method| (method, subject.coded(method, 60.0))).collect();
+            let mut goals = Goals::default();
+            goals.of_grid("mixed", &subject, &results);
+            let [all, one] = [0, 1].map(|row| [1, 2, 3, 4].map(|cell| goals.rows[row][cell].clone()));
+            assert_eq!((goals.rows.len(), one[2].as_str()), (2, "—"));
+            assert!(one[3].starts_with("`svd` "), "{one:?}");
+            all
+        };
+        let [goal, _, verdict, _] = told(1.0);
+        assert_eq!([goal, verdict], ["< 0.5", "kept"]);
+        // 0.9 is 243.4 of 255 levels.
+        let [_, ours, verdict, beside] = told(0.9);
+        assert_eq!((&ours[..3], verdict.as_str(), &beside[..9]), ("11.", "**missed**", "`svd` 11."));
     }
 
     #[test]
