@@ -4,6 +4,7 @@
 mod at_tolerance;
 pub mod baked;
 pub mod coded;
+mod grid;
 pub mod judged;
 mod many;
 mod shared_right;
@@ -21,6 +22,7 @@ use clerestory_nystrom::rivals::{Core, Method};
 use serde::{Deserialize, Serialize};
 
 use self::coded::{Coded, Coding, Subject};
+use self::grid::Grid;
 use self::judged::{Judged, decibels};
 use super::desk::Desk;
 use super::fit::{hundredths, tenths, wholes};
@@ -49,11 +51,17 @@ const STRETCH: f64 = 1.25;
 const ROUNDS: usize = 3;
 /// Seeds of Algorithm 4's k-means, from 0 on.
 const N_SEEDS: u64 = 3;
-/// Tolerances that noisy halves are asked for, in dB, and who is asked for one of them beside us, all of which would take too long: they
-/// know no noise from signal. Of the first both halves can tell; what is asked for by the others is below what they can tell apart.
-const NOISY: [f64; 4] = [25.0, 30.0, 35.0, 40.0];
-const BESIDE_DB: f64 = 30.0;
+/// Tolerances that noisy halves are asked for, in dB, and who is asked for them beside us. Of the first both halves can tell; what is asked
+/// for by the next ones is below what they can tell apart.
+const NOISY: [(f64, &[Method]); 4] =
+    [(25.0, &BESIDE_NOISE), (30.0, &BESIDE_NOISE), (35.0, &[Method::Svd]), (40.0, &[Method::Svd])];
+/// Others know no noise from signal and fit it with great ranks, so that all of them at all tolerances would take too long.
 const BESIDE_NOISE: [Method; 3] = [Method::Svd, Method::Alg4(Core::PseudoInverse { rcond: RCONDS[0] }), Method::RowId];
+/// No block is aimed to be worse than what is asked for by more than so many dB.
+const WORST_BELOW_DB: f64 = 4.0;
+/// What is asked for so many dB is looked at for a grid: no border of blocks is aimed to step by so many levels of 8 bits more than within.
+const GRID_DB: f64 = 35.0;
+const GRID_LEVELS: f64 = 0.5;
 
 /// One method's results.
 type Results = Vec<(Method, Result<Coded>)>;
@@ -109,12 +117,18 @@ pub fn write(desk: &Desk) -> Result<String> {
          best there is at equal rank (Eckart–Young), packed alike; `row-id` is the next best at equal rank on blocks of both matrices, as Methods has it. The least rank is that of all singular values of all\n\
          blocks under one threshold, at the error that was reached. Multiply-adds are those of a product with three channels of light, per pixel: with\n\
          factors as they are unpacked, which is what the relighters do, and with right factors in cosines, zeros left out (`PackedProduct`).\n\
-         Seams: the step of the error from pixel to pixel, root mean square, across borders of blocks over within. Told: blocks that tell their error to\n\
+         Seams: the step of the error from pixel to pixel, root mean square, across borders of blocks over within.\n\
+         Grid: whether borders of blocks show on a display. The picture under all columns at 1 is exposed so that the {} percentile of its luminance is white, clipped there and encoded in sRGB without a tone curve, in levels of 8 bits\n\
+         that are not rounded, so that nothing hides in the rounding. Steps of the error are taken across each border of two blocks, in two ways, averaged over the channels: the mean of their sizes over the pixels along it, and the size of their mean, which\n\
+         the eye follows along a border even where single pixels step more. Each is told less the mean of the same between the lines of pixels within both blocks, and the greater of both counts. Aimed at is that not even the worst of all borders has {GRID_LEVELS} levels:\n\
+         what is less is rounded off more often than not. As that picture is kept far better than asked, the same is told under each column alone, exposed by itself: medians over the columns of the worst border and of the mean. That has no goal, since errors as large\n\
+         as asked for are seen within blocks as well, and seams judge how these step. Told: blocks that tell their error to\n\
          between 0.8 and 1.25 of it; ours is told the converged matrix as both halves, but for the noisy halves and in bakes, so that only there its estimate can be wrong. Milliseconds of one core per block, factors + bytes:\n\
          of ours the shortest of {} rounds, one round for the noisy halves and for the many columns; of others one round, which holds the search for the rank that\n\
          the tolerance takes, which ours finds on the way. Algorithm 4 has for each target that threshold of its pseudo-inverse of {} that suits it best; chapters that try others tell them. Seed {}; below the tables Algorithm 4 with more of them, and each chapter that traces tells its own.\n\
          What is missed: of sharp shadows in many columns and of multiply-adds [decision 0040](decisions/0040-no-right-basis-is-shared.md) tells why, of the errors that noisy halves tell [decision 0041](decisions/0041-no-block-is-worse-than-its-samples.md);\n\
          milliseconds per block stand beside those of tracing in the last row, as [decision 0046](decisions/0046-blocks-are-traced-whole.md) weighs them. {}\n\n{}{text}",
+        grid::WHITE_PERCENT,
         desk.choose(1, ROUNDS),
         rconds_words(&RCONDS),
         CompressConfig::default().seed,
@@ -132,6 +146,9 @@ fn of_matrix(desk: &Desk, name: &str, path: &Path) -> Result<Told> {
         text += &format!("\n### `{name}` at {target_db} dB\n\n{}", table(&subject, target_db, &results));
         text += &seeds_words(desk, (name, &subject), target_db, &results);
         goals.of_ratio(name, &subject, (target_db, aim), &results)?;
+        if target_db == GRID_DB {
+            goals.of_grid(name, &subject, &results);
+        }
     }
     Ok((text, goals))
 }
@@ -263,39 +280,55 @@ fn noisy(desk: &Desk, path: &Path) -> Result<Told> {
     let sampled = Sampled::new(&subject);
     let before = decibels(sampled.judged.mean_square());
     let (mut rows, mut goals, mut best) = (String::new(), Goals::default(), f64::NEG_INFINITY);
-    let mut beside_best = String::new();
-    for target_db in NOISY {
+    let mut reached = Vec::new();
+    for (target_db, beside) in NOISY {
         desk.say(&format!("the noisy halves of mixed at {target_db} dB"));
         let coded = subject.coded(Method::Projected, target_db)?;
         best = best.max(decibels(coded.judged.mean_square()));
         rows += &format!("| {target_db} dB {}\n", cells(&subject, target_db, &coded));
-        let others: Results = match !desk.quick && target_db == BESIDE_DB {
-            true => BESIDE_NOISE
-                .map(|method| coded_by(desk, method, ("the noisy halves of mixed", &subject), target_db))
-                .into(),
-            false => Results::new(),
-        };
+        let others: Results = desk
+            .choose(&[][..], beside)
+            .iter()
+            .map(|&method| coded_by(desk, method, ("the noisy halves of mixed", &subject), target_db))
+            .collect();
         rows +=
             &others.iter().map(|of| format!("| {target_db} dB, {}", row(&subject, target_db, of))).collect::<String>();
-        if !others.is_empty() {
-            let of_others = words_of(others.iter(), &|coded| format!("{:.1}", decibels(coded.judged.mean_square())));
-            beside_best = format!("asked for {target_db} dB: {of_others}");
-        }
+        reached.extend(others.iter().filter_map(|(method, result)| {
+            let coded = result.as_ref().ok()?;
+            Some((*method, decibels(coded.judged.mean_square())))
+        }));
         goals.of_noise(target_db, &coded, &others);
         goals.never_worse((&subject, &sampled), target_db, &coded, &others);
     }
     let what = "`mixed`: noisy halves to the converged matrix, dB, best of what was asked";
     goals.at_least(what.into(), 31.0, best, format!("{best:.1}, their mean: {before:.1}"));
-    goals.beside(beside_best);
+    goals.beside(best_words(&reached));
     let text = format!(
         "\n### Noisy halves of `mixed`\n\n\
-         Two path-traced halves, the mean of which is at {before:.1} dB, asked for several tolerances: ours, and at one of them others that fit that mean as it is, Algorithm 4 with the threshold {} alone. The noise of the converged matrix\n\
+         Two path-traced halves, the mean of which is at {before:.1} dB, asked for several tolerances: ours{}. The noise of the converged matrix\n\
          counts as error of blocks that come near it. The picture under all columns at 1 is at {:.1} dB as it was sampled, below the value that 99.5 % of the true one do not exceed.\n\n{}{rows}",
-        RCONDS[0],
+        desk.choose(String::new(), beside_words()),
         sampled.all_columns_db,
         HEAD.replacen("method", "asked for, by", 1)
     );
     Ok((text, goals))
+}
+
+/// Who is beside ours on noisy halves.
+fn beside_words() -> String {
+    format!(
+        ", and others that fit that mean as it is, Algorithm 4 with the threshold {} alone; where more than {} dB are asked for, the best of them at equal rank (`svd`) alone, for the time that all take",
+        RCONDS[0], NOISY[1].0,
+    )
+}
+
+/// The best of each method over all that it was asked for; nothing of none.
+fn best_words(reached: &[(Method, f64)]) -> String {
+    let best = |method: Method| {
+        let best = reached.iter().filter(|(of, _)| *of == method).map(|(_, db)| *db).reduce(f64::max);
+        best.map(|db| format!("`{method}` {db:.1}"))
+    };
+    BESIDE_NOISE.into_iter().filter_map(best).collect::<Vec<_>>().join(", ")
 }
 
 /// How far the samples of a matrix are from it before anything is made of them.
@@ -372,11 +405,11 @@ impl Goals {
         let at = |what: &str| format!("{what}, noisy halves of `mixed` asked for {target_db} dB");
         let asked: [(&str, f64, Figure); 2] = [
             ("dB reached", target_db, |judged| decibels(judged.mean_square())),
-            ("worst block, dB", target_db - 4.0, Judged::worst_db),
+            ("worst block, dB", target_db - WORST_BELOW_DB, Judged::worst_db),
         ];
         for (what, goal, value) in asked {
             let words = format!("{:.1}", value(judged));
-            if target_db == NOISY[0] {
+            if target_db == NOISY[0].0 {
                 self.at_least(at(what), goal, value(judged), words);
             } else {
                 self.figure(at(what), "below what the halves can tell apart", words);
@@ -441,8 +474,8 @@ impl Goals {
         let (reached, worst) = (decibels(ours.judged.mean_square()), ours.judged.worst_db());
         push(
             "dB reached, worst block",
-            format!("{target_db} … {}, ≥ {}", target_db + 2.0, target_db - 4.0),
-            (target_db..=target_db + 2.0).contains(&reached) && worst >= target_db - 4.0,
+            format!("{target_db} … {}, ≥ {}", target_db + 2.0, target_db - WORST_BELOW_DB),
+            (target_db..=target_db + 2.0).contains(&reached) && worst >= target_db - WORST_BELOW_DB,
             &|coded| format!("{:.1}, {:.1}", decibels(coded.judged.mean_square()), coded.judged.worst_db()),
         );
         push("seams", "≤ 1.2".into(), ours.judged.seams <= 1.2, &|coded| format!("{:.2}", coded.judged.seams));
@@ -464,6 +497,23 @@ impl Goals {
         self.figure(what, "both halves are the matrix", told(ours));
         self.beside(words);
         Ok(())
+    }
+
+    /// Whether borders of blocks show in pictures as a display has them: under all columns, and under each alone.
+    fn of_grid(&mut self, name: &str, subject: &Subject, results: &Results) {
+        // Where ours finds nothing the section has ended.
+        let Some(((_, Ok(ours)), others)) = results.split_first() else { return };
+        let at = |what: &str| format!("{what}, 8-bit levels: worst border, mean, `{name}` at {GRID_DB} dB");
+        let words = |[worst, mean]: [f64; 2]| format!("{worst:.2}, {mean:.2}");
+        let found = |coded: &Coded| subject.truth.unpacked(&coded.matrix);
+        let under_all = |coded: &Coded| Grid::under_all(&subject.truth, &found(coded)).worst_and_mean();
+        let all = under_all(ours);
+        let beside = words_of(others.iter(), &|coded| words(under_all(coded)));
+        let goal = format!("< {GRID_LEVELS}");
+        self.push(at("grid under all columns"), goal, words(all), (all[0] < GRID_LEVELS, beside));
+        let under_one = |coded: &Coded| words(grid::under_one(&subject.truth, &found(coded)));
+        self.figure(at("grid under one column"), "no goal: its seams are judged", under_one(ours));
+        self.beside(words_of(others.iter(), &under_one));
     }
 
     fn table(&self) -> String {
@@ -509,6 +559,38 @@ mod tests {
         let told: Vec<[&str; 4]> = goals.rows.iter().map(|row| [1, 2, 3, 4].map(|cell| row[cell].as_str())).collect();
         assert_eq!(told[0], ["≥ 6", "6.0", "kept", "`svd` 6.0"]);
         assert_eq!((told[1][0], told.len()), ("≤ 0", 2));
+    }
+
+    #[test]
+    fn a_border_of_blocks_that_shows_misses_its_goal() {
+        let told = |right: f32| {
+            let picture = |right: f32| Picture {
+                width: 32,
+                height: 16,
+                n_cols: 4,
+                values: (0..32 * 16 * 3 * 4).map(|i| if i / 12 % 32 < 16 { 1.0 } else { right }).collect(),
+            };
+            let subject = Subject::new(picture(1.0), Some([picture(right), picture(right)]));
+            let results: Results = METHODS[..2].iter().map(|&method| (method, subject.coded(method, 60.0))).collect();
+            let mut goals = Goals::default();
+            goals.of_grid("mixed", &subject, &results);
+            let [all, one] = [0, 1].map(|row| [1, 2, 3, 4].map(|cell| goals.rows[row][cell].clone()));
+            assert_eq!((goals.rows.len(), one[2].as_str()), (2, "—"));
+            assert!(one[3].starts_with("`svd` "), "{one:?}");
+            all
+        };
+        let [goal, _, verdict, _] = told(1.0);
+        assert_eq!([goal, verdict], ["< 0.5", "kept"]);
+        // 0.9 is 243.4 of 255 levels.
+        let [_, ours, verdict, beside] = told(0.9);
+        assert_eq!((&ours[..3], verdict.as_str(), &beside[..9]), ("11.", "**missed**", "`svd` 11."));
+    }
+
+    #[test]
+    fn the_best_of_each_rival_counts_whatever_it_was_asked_for() {
+        let [svd, _, row_id] = BESIDE_NOISE;
+        assert_eq!(best_words(&[(svd, 18.42), (row_id, 17.0), (svd, 18.57)]), "`svd` 18.6, `row-id` 17.0");
+        assert_eq!(best_words(&[]), "");
     }
 
     #[test]

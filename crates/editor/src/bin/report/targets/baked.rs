@@ -8,6 +8,7 @@ use anyhow::Result;
 use clerestory_transport::camera::Film;
 use serde::{Deserialize, Serialize};
 
+use super::WORST_BELOW_DB;
 use crate::desk::{Desk, clerestory, number};
 use crate::fit::{hundredths, spread_words, tenths};
 use crate::goal::Goal;
@@ -46,8 +47,6 @@ const SUBJECTS: [Subject; 6] = [
 const SEEDS: [&str; 3] = ["0", "1", "2"];
 const REPEATED_SPP: &str = "4";
 const REPEATED_SIDE: u32 = 16;
-/// No block is aimed to be worse than what is asked for by more than so many dB.
-const WORST_BELOW_DB: f64 = 4.0;
 
 /// What a bake told.
 #[derive(Serialize, Deserialize)]

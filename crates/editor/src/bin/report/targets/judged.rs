@@ -87,13 +87,21 @@ impl Judged {
     /// Blocks whose error is told to between 0.8 and 1.25 of it, those of which it is known, since it is no less than the noise of the
     /// truths, and all.
     pub fn n_told(&self) -> [usize; 3] {
-        let all = self.told.iter().zip(self.blocks.iter().zip(&self.noise));
-        let known: Vec<f64> = all
-            .filter(|(_, (error, noise))| error >= noise)
-            .map(|(told, (error, _))| (told.max(0.0) / error).sqrt())
-            .collect();
+        let all = self.told.iter().enumerate().filter(|(block_idx, _)| self.is_known(*block_idx));
+        let known: Vec<f64> = all.map(|(block_idx, told)| (told.max(0.0) / self.blocks[block_idx]).sqrt()).collect();
         let well = known.iter().filter(|ratio| (0.8..=1.25).contains(*ratio));
         [well.count(), known.len(), self.blocks.len()]
+    }
+
+    /// How many of some blocks there are of which the error is known, as in [`Judged::n_told`], and the greatest mean square of these; 0 of
+    /// none.
+    pub fn worst_known(&self, blocks: &[usize]) -> (usize, f64) {
+        let known = blocks.iter().filter(|block_idx| self.is_known(**block_idx));
+        known.fold((0, 0.0), |(n, worst), &block_idx| (n + 1, f64::max(worst, self.blocks[block_idx])))
+    }
+
+    fn is_known(&self, block_idx: usize) -> bool {
+        self.blocks[block_idx] >= self.noise[block_idx]
     }
 }
 
@@ -214,6 +222,15 @@ mod tests {
         let n_well = told.map(|told| judged(told).n_told());
         assert_eq!(n_well, [[0, 1, 2], [1, 1, 2], [1, 1, 2], [0, 1, 2], [0, 1, 2]]);
         assert_eq!(judged(0.04).told_well(), 1.0);
+    }
+
+    #[test]
+    fn the_worst_block_is_one_of_those_that_are_asked_for_and_known() {
+        let (blocks, noise) = (vec![0.03, 0.01, 0.02, 0.01], vec![0.01, 0.0, 0.04, 0.01]);
+        let judged = Judged { blocks, noise, told: Vec::new(), seams: 1.0 };
+        assert_eq!(judged.worst_known(&[0, 1, 2, 3]), (3, 0.03));
+        assert_eq!(judged.worst_known(&[1, 2, 3]), (2, 0.01), "the third is less than its noise");
+        assert_eq!([&[2][..], &[]].map(|blocks| judged.worst_known(blocks)), [(0, 0.0); 2]);
     }
 
     #[test]

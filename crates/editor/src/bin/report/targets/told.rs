@@ -1,15 +1,17 @@
-//! Whether blocks of bakes tell their errors, and whether their borders show: beside two references, whose noise does not count.
+//! Whether blocks of bakes tell their errors, whether any that the tolerance ended is far off, and whether their borders show: beside two
+//! references, whose noise does not count.
 
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use clerestory_transport::bake::{Bake, BakeConfig};
+use clerestory_transport::error_maps::BlockMap;
 use clerestory_transport::import;
 use clerestory_transport::prepared::PreparedScene;
 use serde::{Deserialize, Serialize};
 
 use super::judged::{Judged, decibels, is_noise};
-use super::{Goals, Told};
+use super::{Goals, Told, WORST_BELOW_DB};
 use crate::desk::Desk;
 use crate::fit::{hundredths, listed, median, tenths_known};
 use crate::matrix::{NO_TOLERANCE_DB, baked};
@@ -18,7 +20,7 @@ use crate::methods::own;
 use crate::paper;
 
 const SCENES: [&str; 4] = ["diffuse", "reflections", "caustics", "mixed"];
-/// Samples per pixel at most, and what is asked for in dB; all samples are taken where nothing is.
+/// Samples per pixel at most, a power of two from 8 on, and what is asked for in dB; all samples are taken where nothing is.
 type Way = (u32, Option<f32>);
 const WAYS: [Way; 2] = [(16, None), (64, Some(35.0))];
 /// Of bakes; the references, which are those of the section Noise, have the one before. In a hurry the first alone.
@@ -27,7 +29,7 @@ const SEEDS: &[u64] = &[paper::SEED + 1, paper::SEED + 2, paper::SEED + 3];
 const TOLD: f64 = 90.0;
 const SEAMS: f64 = 1.2;
 const HIDDEN: &str = "less than the noise of the references";
-/// Blocks whose error is known, without which nothing is said of how well errors are told.
+/// Blocks whose error is known, without which nothing is said of how well errors are told, and no worst block is called kept.
 const LEAST_KNOWN: usize = 12;
 /// Below these dB seams are never called kept: noise within blocks, which steps at borders are held against, would see to that.
 const LEAST_DB: f64 = 25.0;
@@ -43,6 +45,17 @@ struct Found {
     n_told: [usize; 3],
     /// As [`Judged`] has it; `None` as there.
     seams: Option<f64>,
+    ended: Ended,
+}
+
+/// Blocks that the tolerance ended, not the number of samples.
+#[derive(Clone, Copy, Default, Serialize, Deserialize)]
+struct Ended {
+    n: usize,
+    /// Those of which the error is known, as [`Judged::n_told`] has it.
+    n_known: usize,
+    /// Mean square error of the worst of these.
+    worst: f64,
 }
 
 /// A chapter, and rows of the table of targets; each scene is a part.
@@ -66,8 +79,10 @@ pub(super) fn write(desk: &Desk) -> Result<Told> {
          from pixel to pixel are multiplied alike, so that noise of the references does not count; each column in the scale that bakes tell their errors in, lights that are seen left out. Told: blocks of all seeds that tell their error to between\n\
          0.8 and 1.25 of it, root mean square, of those whose error is known; hidden are those whose error is less than the noise of the mean of both references, the mean of (a − b)² / 4. dB and seams are of all\n\
          blocks, median (least…greatest) of the seeds; \"—\" where noise of the references is all that there is: where an error is less than its standard error over the pixels, or steps are less than nothing. How well errors are told is judged where {LEAST_KNOWN} blocks of a scene are known, and seams\n\
-         by each way of which they are known; below {LEAST_DB} dB they can be missed, but not kept, as noise within blocks is what steps at borders are held against.\n\n\
-         | scene | samples | asked for | dB | told | hidden | seams |\n|---|---|---|---|---|---|---|\n{rows}",
+         by each way of which they are known; below {LEAST_DB} dB they can be missed, but not kept, as noise within blocks is what steps at borders are held against.\n\
+         Worst: the error in dB of the worst block of all seeds that the tolerance ended and whose error is known, and of how many that it ended it is known; aimed at is no more than {WORST_BELOW_DB} dB below what was asked for. The tolerance ended a block where neither half took\n\
+         all of its samples: halves that go on take twice as many at each look, so that such a block took no more than half of all. A single block can miss that aim; it is called kept only where {LEAST_KNOWN} are known.\n\n\
+         | scene | samples | asked for | dB | worst | told | hidden | seams |\n|---|---|---|---|---|---|---|---|\n{rows}",
         film.width,
         film.height,
         listed(seeds(desk)),
@@ -104,12 +119,40 @@ impl Found {
         let told = bake.error_maps().total;
         let told = told.into_iter().map(|db| db.map_or(0.0, |db| 10f64.powf(-0.1 * f64::from(db)))).collect();
         let judged = Judged::of_errors([&a, &b], &header.partition(), told);
+        let ended = ended_by_tolerance(bake);
+        let (n_known, worst) = judged.worst_known(&ended);
         Found {
             db: Some(judged.mean_square()).filter(|square| *square > 0.0).map(decibels),
             is_noise: is_noise([&a, &b]),
             n_told: judged.n_told(),
             seams: Some(judged.seams).filter(|seams| seams.is_finite()),
+            ended: Ended { n: ended.len(), n_known, worst },
         }
+    }
+}
+
+/// Blocks of which neither half took all of its samples. Halves take twice as many at each look: that both ended before adds up to no more
+/// than all of one, while one that went on to the end has these alone.
+fn ended_by_tolerance(bake: &Bake) -> Vec<usize> {
+    let of_half = (bake.header.config.spp / 2) as f32;
+    let samples = bake.block_map(BlockMap::Samples).into_iter().enumerate();
+    samples.filter(|(_, samples)| samples.is_some_and(|n| n <= of_half)).map(|(block_idx, _)| block_idx).collect()
+}
+
+impl Ended {
+    /// Of all bakes of a way.
+    fn of(found: &[Found]) -> Ended {
+        found.iter().fold(Ended::default(), |sum, Found { ended, .. }| Ended {
+            n: sum.n + ended.n,
+            n_known: sum.n_known + ended.n_known,
+            worst: sum.worst.max(ended.worst),
+        })
+    }
+
+    fn words(&self) -> String {
+        let Ended { n, n_known, worst } = self;
+        let db = if *n_known > 0 { format!("{:.1}", decibels(*worst)) } else { "—".into() };
+        format!("{db}, {n_known} of {n}")
     }
 }
 
@@ -154,16 +197,17 @@ fn judged_seams(found: &[Found]) -> Option<(f64, bool)> {
 fn row(name: &str, (spp, asked_db): Way, found: &[Found]) -> String {
     let [well, known, all] = n_told(found.iter());
     format!(
-        "| {name} | {spp} | {} | {} | {well} of {known} | {} of {all} | {} |\n",
+        "| {name} | {spp} | {} | {} | {} | {well} of {known} | {} of {all} | {} |\n",
         asked_db.map_or("all samples".into(), |db| format!("{db} dB")),
         tenths_known(&known_dbs(found)),
+        asked_db.map_or("—".into(), |_| Ended::of(found).words()),
         all - known,
         seams(found).map_or("—".into(), hundredths),
     )
 }
 
-/// What is judged of a scene: blocks of all its bakes together, and seams in that of the ways of which they are known that has the
-/// greatest.
+/// What is judged of a scene: blocks of all its bakes together, seams in that of the ways of which they are known that has the greatest, and
+/// the worst block where dB were asked for.
 fn add_goals(goals: &mut Goals, name: &str, ways: &[Vec<Found>]) {
     let what = format!("errors that the halves tell to 0.8 … 1.25, %, bakes of `{name}`");
     let [well, known, _] = n_told(ways.iter().flatten());
@@ -183,6 +227,25 @@ fn add_goals(goals: &mut Goals, name: &str, ways: &[Vec<Found>]) {
         None if of_ways.is_empty() => goals.figure(what, HIDDEN, "—".into()),
         None => goals.figure(what, "too noisy to judge", words),
     }
+    for ((_, asked_db), found) in WAYS.into_iter().zip(ways) {
+        if let Some(asked_db) = asked_db {
+            add_worst(goals, (name, f64::from(asked_db)), Ended::of(found));
+        }
+    }
+}
+
+/// No block that the tolerance ended is aimed to be far off.
+fn add_worst(goals: &mut Goals, (name, asked_db): (&str, f64), ended: Ended) {
+    let what = format!("worst block that the tolerance ended, dB, bakes of `{name}` asked for {asked_db} dB");
+    let (least_db, worst_db) = (asked_db - WORST_BELOW_DB, decibels(ended.worst));
+    match ended {
+        Ended { n: 0, .. } => goals.figure(what, "cannot be judged: it ended none", "—".into()),
+        Ended { n_known: 0, .. } => goals.figure(what, HIDDEN, ended.words()),
+        Ended { n_known, .. } if n_known < LEAST_KNOWN && worst_db >= least_db => {
+            goals.figure(what, "too few blocks are known", ended.words());
+        }
+        _ => goals.at_least(what, least_db, worst_db, ended.words()),
+    }
 }
 
 #[cfg(test)]
@@ -194,19 +257,54 @@ mod tests {
     use super::*;
 
     fn found(db: f64, n_told: [usize; 3], seams: Option<f64>) -> Found {
-        Found { db: Some(db), is_noise: false, n_told, seams }
+        Found { db: Some(db), is_noise: false, n_told, seams, ended: Ended::default() }
+    }
+
+    /// So many blocks that the tolerance ended, so many of which are known, the worst of them at so many dB.
+    fn with_ended([n, n_known]: [usize; 2], worst_db: f64) -> Found {
+        let worst = 10f64.powf(-0.1 * worst_db);
+        Found { ended: Ended { n, n_known, worst }, ..found(35.0, [10, 12, 12], Some(1.1)) }
     }
 
     #[test]
     fn blocks_of_all_seeds_count_together_and_hidden_ones_apart() {
         let of_seeds = [found(30.0, [9, 12, 12], Some(1.1)), found(32.0, [8, 10, 12], Some(1.3))];
         let words = row("diffuse", WAYS[1], &of_seeds);
-        assert_eq!(words, "| diffuse | 64 | 35 dB | 31.0 (30.0…32.0) | 17 of 22 | 2 of 24 | 1.20 (1.10…1.30) |\n");
-        let words = row("mixed", WAYS[0], &[Found { db: None, is_noise: true, n_told: [0, 0, 12], seams: None }]);
-        assert_eq!(words, "| mixed | 16 | all samples | — | 0 of 0 | 12 of 12 | — |\n");
+        assert_eq!(
+            words,
+            "| diffuse | 64 | 35 dB | 31.0 (30.0…32.0) | —, 0 of 0 | 17 of 22 | 2 of 24 | 1.20 (1.10…1.30) |\n"
+        );
+        let hidden = Found { db: None, is_noise: true, ..found(0.0, [0, 0, 12], None) };
+        let words = row("mixed", WAYS[0], &[hidden]);
+        assert_eq!(words, "| mixed | 16 | all samples | — | — | 0 of 0 | 12 of 12 | — |\n");
         let noisy = Found { is_noise: true, ..found(50.0, [0, 1, 12], None) };
         let words = row("mixed", WAYS[0], &[found(50.0, [1, 1, 12], None), noisy]);
-        assert_eq!(words, "| mixed | 16 | all samples | — | 1 of 2 | 22 of 24 | — |\n");
+        assert_eq!(words, "| mixed | 16 | all samples | — | — | 1 of 2 | 22 of 24 | — |\n");
+        let words = row("mixed", WAYS[1], &[with_ended([12, 10], 33.0), with_ended([11, 9], 32.0)]);
+        assert!(words.contains(" | 32.0, 19 of 23 | "), "{words}");
+    }
+
+    #[test]
+    fn the_worst_block_that_the_tolerance_ended_is_judged_where_it_is_known() {
+        let told = |found: Vec<Found>| {
+            let mut goals = Goals::default();
+            add_goals(&mut goals, "mixed", &[Vec::new(), found]);
+            goals.rows.pop().map(|[what, goal, ours, verdict, _]| {
+                assert!(what.starts_with("worst block"), "{what}");
+                [goal, ours, verdict]
+            })
+        };
+        let words = |found: Vec<Found>| told(found).expect("a row");
+        let kept = words(vec![with_ended([12, 7], 33.0), with_ended([12, 5], 31.5)]);
+        assert_eq!(kept, ["≥ 31", "31.5, 12 of 24", "kept"]);
+        assert_eq!(words(vec![with_ended([12, 12], 30.9)]), ["≥ 31", "30.9, 12 of 12", "**missed**"]);
+        // A single block misses it, but does not keep it.
+        assert_eq!(words(vec![with_ended([1, 1], 30.9)]), ["≥ 31", "30.9, 1 of 1", "**missed**"]);
+        assert_eq!(words(vec![with_ended([12, 11], 33.0)]), ["too few blocks are known", "33.0, 11 of 12", "—"]);
+        let hidden = Found { ended: Ended { n: 12, n_known: 0, worst: 0.0 }, ..found(35.0, [10, 12, 12], None) };
+        assert_eq!(words(vec![hidden]), ["less than the noise of the references", "—, 0 of 12", "—"]);
+        let none = words(vec![found(35.0, [10, 12, 12], None)]);
+        assert_eq!(none, ["cannot be judged: it ended none", "—", "—"]);
     }
 
     #[test]
@@ -258,5 +356,21 @@ mod tests {
         let found = Found::new(&bake, &[off(), off()]);
         assert!((found.db.unwrap() - 20.0).abs() < 0.01, "{:?} dB", found.db);
         assert_eq!((found.n_told[1..].to_vec(), found.seams), (vec![1, 1], None));
+        assert_eq!(found.ended.n, 0, "its block took all samples");
+    }
+
+    #[test]
+    fn blocks_of_which_a_half_took_all_samples_were_not_ended_by_the_tolerance() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/scenes/diffuse.glb");
+        let scene = Arc::new(PreparedScene::new(import::load(&path).unwrap().scene, &[]).unwrap().0);
+        let config = BakeConfig { spp: 64, tolerance_db: 10.0, ..BakeConfig::default() };
+        let mut bake = baked(&scene, Film { width: 32, height: 16 }, config).unwrap().1;
+        assert_eq!(ended_by_tolerance(&bake), [0, 1], "10 dB are reached long before");
+        // One half ended at its first look, the other one went on to the end.
+        for group in &mut bake.groups {
+            let block = group.blocks[1].as_mut().expect("a block");
+            Arc::make_mut(block).n_samples = 4 + 32;
+        }
+        assert_eq!(ended_by_tolerance(&bake), [0]);
     }
 }
