@@ -1,6 +1,6 @@
 //! The light of free lamps in the window: orders it when lamps or view change, and says which lighting to show with it.
 
-use std::collections::HashSet;
+use std::collections::{HashSet, VecDeque};
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -21,6 +21,8 @@ pub(super) struct Lamplight {
     header: Option<Arc<BakeHeader>>,
     /// What was ordered last.
     ordered: Option<Ordered>,
+    /// The lightings of orders whose light is still to come, by their numbers, the oldest first.
+    to_come: VecDeque<(u64, LightRig)>,
     /// The lighting that is shown.
     answered: LightRig,
     light: Option<LampLight>,
@@ -38,8 +40,9 @@ struct Ordered {
 impl Lamplight {
     pub fn new(wake: Wake) -> Result<Lamplight> {
         let worker = lamps::start(wake)?;
-        let (view, header, ordered, answered, light) = (None, None, None, LightRig::default(), None);
-        Ok(Lamplight { worker, view, header, ordered, answered, light, n_orders: 0, oldest: 0 })
+        let (view, header, ordered, light) = (None, None, None, None);
+        let (to_come, answered) = (VecDeque::new(), LightRig::default());
+        Ok(Lamplight { worker, view, header, ordered, to_come, answered, light, n_orders: 0, oldest: 0 })
     }
 
     /// The light that came last for this view, if lamps shine.
@@ -86,6 +89,11 @@ impl Lamplight {
         if view.as_ref().map(Arc::as_ptr) != self.view.as_ref().map(Arc::as_ptr) {
             self.look_elsewhere(view);
         }
+        self.follow_in_view(rig, shown)
+    }
+
+    /// The same in the view that there is.
+    fn follow_in_view(&mut self, rig: &LightRig, shown: Option<Quantity>) -> LightRig {
         self.take();
         let Some(view) = &self.view else { return rig.clone() };
         let shining = rig.shining_lamps();
@@ -94,6 +102,7 @@ impl Lamplight {
             let shows_arriving = shown == Some(Quantity::Illuminance);
             let (view, lamps, serial) = (view.clone(), shining.clone(), self.n_orders);
             self.worker.order(LampOrder { view, lamps, shows_arriving, serial });
+            self.to_come.push_back((serial, rig.clone()));
             self.ordered = Some(Ordered { rig: rig.clone(), shining });
         }
         let is_pending = self.light.as_ref().is_none_or(|light| light.serial != self.n_orders);
@@ -124,6 +133,7 @@ impl Lamplight {
             }
             None => (self.light, self.oldest) = (None, self.n_orders + 1),
         }
+        self.to_come.clear();
         if let (Some(view), Some(_)) = (&view, self.ordered.take()) {
             // An order without lamps frees what the worker knows of the old view. Its answer, which holds no light, would put out what is
             // shown until the lamps are lit anew.
@@ -142,6 +152,12 @@ impl Lamplight {
             return;
         }
         let Some(ordered) = &self.ordered else { return };
+        // Where lamps and other lights change together from frame to frame, newer orders are on their way: what is shown is as it was when
+        // this light was ordered, not as it was before all of them.
+        let n_past = self.to_come.partition_point(|(serial, _)| *serial <= light.serial);
+        if let Some((_, rig)) = self.to_come.drain(..n_past).next_back() {
+            self.answered = rig;
+        }
         self.light = Some(light);
         if ordered.shining.is_empty() && self.light.as_ref().is_some_and(|light| light.serial == self.n_orders) {
             (self.light, self.ordered) = (None, None);
@@ -229,6 +245,26 @@ mod tests {
         FreeLamp { replaces: replaces.map(str::to_owned), ..tests::lamp(key, 0.0) }
     }
 
+    /// One without a view yet, and how often its worker has answered.
+    fn counted() -> (Lamplight, Arc<AtomicU32>) {
+        let n_answers = Arc::new(AtomicU32::new(0));
+        let own = n_answers.clone();
+        let wake = move |_| {
+            own.fetch_add(1, Ordering::Relaxed);
+        };
+        (Lamplight::new(Arc::new(wake)).unwrap(), n_answers)
+    }
+
+    fn wait_for_answer(n_answers: &AtomicU32) {
+        for _ in 0..20_000 {
+            if n_answers.load(Ordering::Relaxed) > 0 {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        panic!("it never answered");
+    }
+
     #[test]
     fn the_light_of_a_lamp_that_went_goes_though_the_view_changed_meanwhile() {
         let mut lamplight = Lamplight::new(Arc::new(|_| ())).unwrap();
@@ -246,12 +282,7 @@ mod tests {
 
     #[test]
     fn what_frees_an_old_view_puts_no_lamp_out() {
-        let n_answers = Arc::new(AtomicU32::new(0));
-        let own = n_answers.clone();
-        let wake = move |_| {
-            own.fetch_add(1, Ordering::Relaxed);
-        };
-        let mut lamplight = Lamplight::new(Arc::new(wake)).unwrap();
+        let (mut lamplight, n_answers) = counted();
         let view = view();
         let ordered = || Some(Ordered { rig: LightRig::default(), shining: vec![lamp("a", None)] });
         lamplight.view = Some(Arc::new(view.clone()));
@@ -259,16 +290,26 @@ mod tests {
         lamplight.ordered = ordered();
         lamplight.look_elsewhere(Some(Arc::new(view)));
         // The worker has answered that order before the lamps are ordered anew.
-        for _ in 0..20_000 {
-            if n_answers.load(Ordering::Relaxed) > 0 {
-                break;
-            }
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        assert!(n_answers.load(Ordering::Relaxed) > 0, "it never answered");
+        wait_for_answer(&n_answers);
         lamplight.ordered = ordered();
         lamplight.take();
         assert_eq!(lamplight.light.as_ref().map(|light| light.parts.len()), Some(1));
+    }
+
+    #[test]
+    fn lights_that_change_with_a_lamp_from_frame_to_frame_are_shown_with_it() {
+        let (mut lamplight, n_answers) = counted();
+        lamplight.view = Some(Arc::new(view()));
+        // As a timeline runs: in every frame the lamp is elsewhere, and the sky another one.
+        let at = |x: f32| {
+            let mut rig = LightRig { lamps: vec![tests::lamp("a", x)], ..LightRig::default() };
+            rig.set("sky", LightSetting { intensity: 1.0 - x, ..LightSetting::default() });
+            rig
+        };
+        assert_eq!(lamplight.follow_in_view(&at(0.1), None), LightRig::default(), "it is on its way");
+        wait_for_answer(&n_answers);
+        assert_eq!(lamplight.follow_in_view(&at(0.2), None), at(0.1), "the next one is on its way");
+        assert!(lamplight.to_come.len() == 1 && lamplight.light.is_some());
     }
 
     #[test]

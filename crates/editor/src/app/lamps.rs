@@ -57,12 +57,13 @@ impl App {
         }
     }
 
-    /// What there is to say about the light of free lamps, and what else to know of those that shine.
+    /// What there is to say about the light of free lamps that are seen, and what else to know of those that shine.
     pub(super) fn lamp_notes(&self) -> (LampNote, Vec<String>) {
         let Some(shown) = self.session.shown.as_ref().filter(|_| self.session.lamp_scene().is_some()) else {
             return (LampNote::None, Vec::new());
         };
-        let heard = heard(&shown.header.basis, &self.look.lights, &self.lights.solo);
+        // A moment of the timeline has lamps of its own.
+        let heard = heard(&shown.header.basis, &self.seen().lights, &self.lights.solo);
         if heard.shining_lamps().is_empty() {
             return (LampNote::None, Vec::new());
         }

@@ -84,6 +84,8 @@ pub(super) fn install(view: &mut View, rig: &mut LightRig, path: Option<&Path>, 
     }
     let lamps = prepared(&rig.take_lamps(), path, console)?;
     let scene = Arc::get_mut(&mut view.scene).context("the scene is in use")?;
+    // What is set of a light that the scene does not have is ignored, and sets no lamp that is called so.
+    rig.lights.retain(|key, _| scene.lighting.basis.source(key).is_some());
     lamps.install(scene).context("the look cannot light the scene")
 }
 
@@ -294,8 +296,31 @@ pub(super) fn open(header: &BakeHeader, path: &Path, console: &mut Console) -> R
 
 #[cfg(test)]
 mod tests {
+    use std::time::Instant;
+
+    use clerestory_transport::import;
+
     use super::*;
+    use crate::cli::interrupt::Interrupt;
     use crate::look::fade::fade;
+
+    #[test]
+    fn a_setting_of_no_light_of_the_scene_sets_no_lamp_that_is_called_so() {
+        let scene = import::load_bytes("room", include_bytes!("../../tests/room.gltf")).unwrap().scene;
+        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 4, height: 3 });
+        let mut view = View { scene, camera, film };
+        let json = r#"{"clerestory": 1, "lights": {"bulb": {"muted": true}, "lamp": {"intensity": 2}},
+            "lamps": [{"key": "bulb", "type": "point", "position": [0, 0.2, 0], "strength": 5, "unit": "cd"}]}"#;
+        let mut rig = Look::from_json(json).unwrap().0.lights;
+        let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+        let mut console = Console::new(Instant::now(), &mut stdout, &mut stderr, Interrupt::never());
+        install(&mut view, &mut rig, None, &mut console).unwrap();
+        let basis = &view.scene.lighting.basis;
+        let lit = basis.project(&rig)[basis.source("bulb").unwrap().columns.start as usize];
+        assert!(lit.iter().all(|candela| (candela - 5.0).abs() < 1e-4), "as `relight` adds it: {lit:?}");
+        assert_eq!(rig.setting("lamp").intensity, 2.0);
+    }
 
     #[test]
     fn a_lamp_that_two_looks_have_is_told_to_be_of_the_one_that_comes_up() {

@@ -193,6 +193,13 @@ fn is_interrupted(mailbox: &LampMailbox, view: &Arc<LampView>, work: Work) -> bo
     mail.closed || mail.order.as_ref().is_some_and(is_stale)
 }
 
+/// The next order, if one is to be taken: within a view none is before something of the last one was shown. Where its first picture takes
+/// several passes, lamps that keep moving would never be seen. `None` where nobody wants any more.
+fn next_order(mailbox: &LampMailbox, bench: Option<&Bench>, idle: Idle) -> Option<Option<LampOrder>> {
+    let is_under_way = |bench: &Bench| bench.owes_picture() && !is_interrupted(mailbox, &bench.view, Work::Shows);
+    if bench.is_some_and(is_under_way) { Some(None) } else { mailbox.next(idle) }
+}
+
 fn work(mailbox: &LampMailbox) {
     let mut bench: Option<Bench> = None;
     let (mut shown, mut rests) = (None, false);
@@ -202,7 +209,7 @@ fn work(mailbox: &LampMailbox) {
             Some(bench) if !bench.is_done() => Idle::GoOn,
             _ => Idle::Sleep,
         };
-        let Some(order) = mailbox.next(idle) else { return };
+        let Some(order) = next_order(mailbox, bench.as_ref(), idle) else { return };
         let asked = order.as_ref().map(|order| (order.view.film, order.serial));
         let asked = asked.or(bench.as_ref().map(|bench| (bench.view.film, bench.serial)));
         let worked = crash::guarded(|| work_on(&mut bench, order, mailbox));

@@ -1438,6 +1438,29 @@ fn a_light_that_takes_the_name_of_a_lamp_of_a_kept_look_is_told_after_a_reload()
 }
 
 #[test]
+fn what_is_said_of_lamps_is_of_the_moment_of_the_timeline_that_is_seen() {
+    const DIRECT: &str = "Lamps: direct light only";
+    let mut window = baked();
+    click(&mut window, "Keep look");
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    wait(&mut window, App::is_settled);
+    assert!(window.query_by_label(DIRECT).is_some());
+    click(&mut window, "Timeline");
+    click(&mut window, "Add key");
+    click(&mut window, "Look");
+    let start = window.get_by_label("Timeline ruler").rect().left_top();
+    drag(&mut window, start + vec2(60.0, 8.0), start + vec2(12.0, 8.0));
+    wait(&mut window, App::is_settled);
+    for words in [DIRECT, "Lamps: lighting"] {
+        assert!(window.query_by_label(words).is_none(), "no lamp shines there, but: {words}");
+    }
+    click(&mut window, "Back to the lights");
+    wait(&mut window, App::is_settled);
+    assert!(window.query_by_label(DIRECT).is_some());
+}
+
+#[test]
 fn what_a_moved_lamp_lacks_is_baked_from_where_it_is_told() {
     let mut window = with_lamp("Point");
     wait(&mut window, App::is_settled);

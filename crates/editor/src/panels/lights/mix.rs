@@ -83,11 +83,24 @@ impl Mix<'_> {
                 self.state.lamps.chosen.take_if(|chosen| *chosen == lamp);
             }
         }
-        self.look.lights.set(key, self.file.own_setting(key));
+        self.look.lights.set(key, self.setting_at_first(key));
         self.look.lights.panels.remove(key);
         if self.basis.source(key).is_some_and(|source| shines_from_dome(source.kind)) {
             self.look.lights.sky.clone_from(&self.file.sky);
         }
+    }
+
+    /// What a light is set to in the file, or when it was added: a lamp in the place of one of the file has the color of that.
+    fn setting_at_first(&self, key: &str) -> LightSetting {
+        let lamp = self.look.lights.lamps.iter().find(|lamp| lamp.key == key);
+        let replaced = lamp.and_then(|lamp| self.basis.source(lamp.replaces.as_deref()?));
+        replaced.map_or_else(
+            || self.file.own_setting(key),
+            |source| {
+                let color = (source.color != Vec3::ONE).then(|| source.color.to_array());
+                LightSetting { color, ..LightSetting::default() }
+            },
+        )
     }
 
     /// Everything about all lights as in the file. Added lamps go with their names, which later ones may have.
@@ -149,6 +162,9 @@ fn shines_from_dome(kind: SourceKind) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use clerestory_transport::basis::LightSource;
+    use clerestory_transport::lamps::{LampShape, LampUnit};
+
     use super::*;
 
     const FROM_FILE: Tint = Tint { color: None, kelvin: None };
@@ -166,6 +182,41 @@ mod tests {
 
     fn is_near(a: f32, b: f32) -> bool {
         (a - b).abs() < 1e-5
+    }
+
+    #[test]
+    fn a_lamp_in_the_place_of_one_of_the_file_is_reset_to_the_color_of_that() {
+        let warm: [f32; 3] = [1.0, 0.7, 0.4];
+        let source = LightSource { color: warm.into(), ..LightSource::plain("desk", SourceKind::Point, 0..1) };
+        let basis = LightBasis::new(vec![source]);
+        let lamp = |key: &str, replaces: Option<&str>| FreeLamp {
+            key: key.into(),
+            shape: LampShape::Point,
+            position: Vec3::ZERO,
+            aim: Vec3::NEG_Y,
+            strength: 1.0,
+            unit: LampUnit::Candela,
+            setting: LightSetting { intensity: 3.0, color: Some([0.0, 1.0, 0.0]), kelvin: None, muted: true },
+            turn_rad: 0.0,
+            replaces: replaces.map(str::to_owned),
+        };
+        let mut look = Look::default();
+        look.lights.lamps = vec![lamp("moved", Some("desk")), lamp("new", None)];
+        let (file, mut state, mut actions) = (basis.file_rig(), LightsState::default(), Vec::new());
+        let mut mix = Mix {
+            lights: &[],
+            items: &[],
+            order: Vec::new(),
+            look: &mut look,
+            basis: &basis,
+            file: &file,
+            state: &mut state,
+            actions: &mut actions,
+        };
+        ["moved", "new"].iter().for_each(|key| mix.reset(key));
+        let of_file = LightSetting { color: Some(warm), ..LightSetting::default() };
+        let settings: Vec<LightSetting> = look.lights.lamps.iter().map(|lamp| lamp.setting).collect();
+        assert_eq!(settings, [of_file, LightSetting::default()]);
     }
 
     #[test]

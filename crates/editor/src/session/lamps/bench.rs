@@ -223,7 +223,7 @@ impl Bench {
     /// Takes over other lamps; what is known of those that stay is kept.
     pub fn take(&mut self, order: LampOrder) {
         // Lamps that move on before anything is shown do not wait anew with each step.
-        if self.posted.as_ref().is_some_and(|posted| posted.serial == self.serial) {
+        if self.has_posted() {
             self.waits_since = Instant::now();
         }
         (self.serial, self.shows_arriving) = (order.serial, order.shows_arriving);
@@ -307,7 +307,17 @@ impl Bench {
 
     /// Whether all of it was posted.
     pub fn is_done(&self) -> bool {
-        self.next().is_none() && self.posted.as_ref().is_some_and(|posted| posted.serial == self.serial)
+        self.next().is_none() && self.has_posted()
+    }
+
+    /// Whether nothing was posted yet of the lamps that were ordered last, and there is something to do for that.
+    pub fn owes_picture(&self) -> bool {
+        !self.has_posted() && self.next().is_some()
+    }
+
+    /// Whether something was posted of the lamps that were ordered last.
+    fn has_posted(&self) -> bool {
+        self.posted.as_ref().is_some_and(|posted| posted.serial == self.serial)
     }
 
     /// One more pass of what lacks most.

@@ -2,6 +2,8 @@ use clerestory_transport::lamps::LampShape;
 
 use super::*;
 use crate::session::lamps::tests::{lamp, view};
+use crate::session::lamps::{LampMailbox, next_order};
+use crate::session::mailbox::{Clerk, Idle};
 
 /// The closed room, and a lamp in it.
 fn lit_room() -> (Arc<LampView>, FreeLamp) {
@@ -116,6 +118,42 @@ fn lamps_that_are_there_are_shown_where_the_others_take_long() {
     let whole = bench.news().unwrap();
     assert!(whole.left_out.is_empty() && whole.missing_words().is_none(), "it is shown at once");
     assert_eq!(keys(&whole), ["a", "b", "c"]);
+}
+
+#[test]
+fn lamps_that_move_on_together_are_seen_on_their_way() {
+    let (view, lamp) = lit_room();
+    let other = Arc::new((*view).clone());
+    let (sender, told) = std::sync::mpsc::channel();
+    let work = move |mailbox: &LampMailbox| {
+        let order = |view: &Arc<LampView>, serial: u64| {
+            let x = 0.1 * serial as f32;
+            let lamps = vec![placed(&lamp, "a", x), placed(&lamp, "b", -x)];
+            LampOrder { view: view.clone(), lamps, shows_arriving: false, serial }
+        };
+        let taken =
+            |bench: &Bench| next_order(mailbox, Some(bench), Idle::GoOn).flatten().map(|order: LampOrder| order.serial);
+        let mut bench = Bench { patience: Duration::MAX, ..Bench::new(view.clone()) };
+        bench.take(order(&view, 1));
+        mailbox.lock().order = Some(order(&view, 2));
+        let mut events: Vec<(&str, Option<u64>)> = Vec::new();
+        for _ in 0..2 {
+            events.push(("taken", taken(&bench)));
+            bench.step(&|_, _| false);
+            events.push(("shown", bench.news().map(|light| light.serial)));
+        }
+        events.push(("taken", taken(&bench)));
+        bench.take(order(&view, 3));
+        mailbox.lock().order = Some(order(&other, 4));
+        events.push(("taken", taken(&bench)));
+        sender.send(events).unwrap();
+    };
+    let clerk = Clerk::start("a test of orders", Arc::new(|_| ()), work).unwrap();
+    let events = told.recv().unwrap();
+    assert_eq!(events[..2], [("taken", None), ("shown", None)], "each of the lamps takes a pass");
+    assert_eq!(events[2..5], [("taken", None), ("shown", Some(1)), ("taken", Some(2))]);
+    assert_eq!(events[5], ("taken", Some(4)), "what is begun for another view is of no use");
+    drop(clerk);
 }
 
 #[test]
