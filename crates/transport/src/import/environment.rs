@@ -293,6 +293,14 @@ mod tests {
     }
 
     #[test]
+    fn what_the_head_of_a_radiance_sky_tells_of_pictures_that_it_was_made_of_does_not_count() {
+        let of = |lines: &str| decode_sky("a.hdr", &with_line(lines)).unwrap();
+        let parts = "a.hdr:\n\tEXPOSURE=4\n\tCOLORCORR=1 2 3\nb.hdr:\n\tGAMMA=2.2\n\tPRIMARIES=red\npcomb a.hdr b.hdr";
+        assert!(of(parts) == of("pcomb"));
+        assert!(of(&format!("{parts}\nEXPOSURE=2")) == of("EXPOSURE=2"));
+    }
+
+    #[test]
     fn a_radiance_sky_of_other_primaries_becomes_rec_709() {
         let of = |primaries: &str| decode_sky("a.hdr", &with_line(&format!("PRIMARIES={primaries}"))).unwrap();
         let (plain, _) = decode_sky("a.hdr", &hdr()).unwrap();

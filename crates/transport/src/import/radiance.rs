@@ -87,7 +87,7 @@ pub(super) fn decode_into<R: Raster>(
 
 /// The head of a file as the decoder takes it.
 struct Head {
-    /// Its lines, each with a line feed behind it; the last one tells the size.
+    /// Its own lines, each with a line feed behind it; the last one tells the size.
     text: Vec<u8>,
     /// Where the first row begins in the file.
     n_bytes: usize,
@@ -113,8 +113,11 @@ impl Head {
                 break;
             }
             is_size = line.is_empty();
-            head.text.extend_from_slice(line);
-            head.text.push(b'\n');
+            // What a tab sets in stood in the heads of pictures that this one was made of.
+            if !line.starts_with(b"\t") {
+                head.text.extend_from_slice(line);
+                head.text.push(b'\n');
+            }
         }
         head
     }
