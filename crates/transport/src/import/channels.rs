@@ -67,8 +67,9 @@ fn in_xyz(header: &Header) -> Option<Channels> {
     Some(Channels::Xyz([named(header, b"X")?, named(header, b"Y")?, named(header, b"Z")?]))
 }
 
-/// What stands before the R of layers, with the dot that ends it.
+/// What stands before the R of layers, great or small, with the dot that ends it.
 fn prefixes(header: &Header) -> impl Iterator<Item = &[u8]> {
     let names = header.channels.list.iter().map(|channel| channel.name.as_slice());
-    names.filter_map(|name| name.strip_suffix(b"R")).filter(|prefix| prefix.ends_with(b"."))
+    let before_red = names.filter_map(|name| name.strip_suffix(b"R").or_else(|| name.strip_suffix(b"r")));
+    before_red.filter(|prefix| prefix.ends_with(b"."))
 }

@@ -201,6 +201,7 @@ mod tests {
             (&[&color("beauty.", 1.0)[..], &[("Z", [8.0; 2])]].concat(), [1.0, 2.0, 4.0]),
             (&plain.concat(), [1.0, 2.0, 4.0]),
             (&[("r", [1.0; 2]), ("g", [2.0; 2]), ("b", [4.0; 2])][..], [1.0, 2.0, 4.0]),
+            (&[("sky.r", [1.0; 2]), ("sky.g", [2.0; 2]), ("sky.b", [4.0; 2])][..], [1.0, 2.0, 4.0]),
         ] {
             let (map, _) = decode_sky("a.exr", &exr(channels)).unwrap();
             assert_eq!(map.pixels(), [expected; 2], "{channels:?}");
