@@ -21,22 +21,25 @@ pub(super) enum Channels {
 /// Blender names `Combined`, else X, Y and Z. Small letters will do.
 ///
 /// # Errors
-/// The channels that there are, in words.
+/// The channels that there are, or that a part is deep, in words.
 pub(super) fn of_picture(headers: &[Header]) -> Result<(&Header, Channels), String> {
-    let flat = || headers.iter().filter(|header| !header.deep);
-    let plain = flat().find_map(|header| Some((header, in_color(header, b"")?)));
-    let gray = flat().find_map(|header| Some((header, in_gray(header)?)));
+    // The decoder reads no flat part beside a deep one either.
+    if headers.iter().any(|header| header.deep) {
+        return Err("it is deep, with any number of samples in a pixel, which cannot be read; save it flattened".into());
+    }
+    let plain = headers.iter().find_map(|header| Some((header, in_color(header, b"")?)));
+    let gray = headers.iter().find_map(|header| Some((header, in_gray(header)?)));
     let layer = || {
-        let layers = || flat().flat_map(|header| prefixes(header).map(move |prefix| (header, prefix)));
+        let layers = || headers.iter().flat_map(|header| prefixes(header).map(move |prefix| (header, prefix)));
         let combined = layers().filter(|(_, prefix)| prefix.ends_with(b"Combined."));
         let mut layers = combined.chain(layers()).take(MAX_LAYERS);
         layers.find_map(|(header, prefix)| Some((header, in_color(header, prefix)?)))
     };
-    let xyz = || flat().find_map(|header| Some((header, in_xyz(header)?)));
+    let xyz = || headers.iter().find_map(|header| Some((header, in_xyz(header)?)));
     if let Some(found) = plain.or(gray).or_else(layer).or_else(xyz) {
         return Ok(found);
     }
-    if flat().any(|header| named(header, b"RY").is_some()) {
+    if headers.iter().any(|header| named(header, b"RY").is_some()) {
         return Err("it holds luminance and chroma apart; save it with channels R, G and B".into());
     }
     let names: Vec<String> =
@@ -64,8 +67,9 @@ fn in_xyz(header: &Header) -> Option<Channels> {
     Some(Channels::Xyz([named(header, b"X")?, named(header, b"Y")?, named(header, b"Z")?]))
 }
 
-/// What stands before the R of layers, with the dot that ends it.
+/// What stands before the R of layers, great or small, with the dot that ends it.
 fn prefixes(header: &Header) -> impl Iterator<Item = &[u8]> {
     let names = header.channels.list.iter().map(|channel| channel.name.as_slice());
-    names.filter_map(|name| name.strip_suffix(b"R")).filter(|prefix| prefix.ends_with(b"."))
+    let before_red = names.filter_map(|name| name.strip_suffix(b"R").or_else(|| name.strip_suffix(b"r")));
+    before_red.filter(|prefix| prefix.ends_with(b"."))
 }

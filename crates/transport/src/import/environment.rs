@@ -201,6 +201,7 @@ mod tests {
             (&[&color("beauty.", 1.0)[..], &[("Z", [8.0; 2])]].concat(), [1.0, 2.0, 4.0]),
             (&plain.concat(), [1.0, 2.0, 4.0]),
             (&[("r", [1.0; 2]), ("g", [2.0; 2]), ("b", [4.0; 2])][..], [1.0, 2.0, 4.0]),
+            (&[("sky.r", [1.0; 2]), ("sky.g", [2.0; 2]), ("sky.b", [4.0; 2])][..], [1.0, 2.0, 4.0]),
         ] {
             let (map, _) = decode_sky("a.exr", &exr(channels)).unwrap();
             assert_eq!(map.pixels(), [expected; 2], "{channels:?}");
@@ -290,6 +291,14 @@ mod tests {
         assert_eq!(map.pixels(), expected);
         let error = decode_sky("a.hdr", &with_line("EXPOSURE=0")).unwrap_err().to_string();
         assert!(error.contains("exposure of 0"), "{error}");
+    }
+
+    #[test]
+    fn what_the_head_of_a_radiance_sky_tells_of_pictures_that_it_was_made_of_does_not_count() {
+        let of = |lines: &str| decode_sky("a.hdr", &with_line(lines)).unwrap();
+        let parts = "a.hdr:\n\tEXPOSURE=4\n\tCOLORCORR=1 2 3\nb.hdr:\n\tGAMMA=2.2\n\tPRIMARIES=red\npcomb a.hdr b.hdr";
+        assert!(of(parts) == of("pcomb"));
+        assert!(of(&format!("{parts}\nEXPOSURE=2")) == of("EXPOSURE=2"));
     }
 
     #[test]

@@ -377,4 +377,15 @@ mod tests {
             assert!(said.contains(words), "{said} should say {words:?}");
         }
     }
+
+    #[test]
+    fn a_deep_picture_is_told_to_be_one() {
+        let colors = ["R", "G", "B"].map(|name| channel(name, &RAMP));
+        let flat = exr(Vec::from(colors), (4, 2), Encoding::UNCOMPRESSED, [0, 0]);
+        let mut parts = headers(Cursor::new(&flat)).unwrap();
+        assert!(channels::of_picture(&parts).is_ok());
+        parts[0].deep = true;
+        let why = channels::of_picture(&parts).expect_err("it is not flat");
+        assert!(why.contains("it is deep"), "{why}");
+    }
 }

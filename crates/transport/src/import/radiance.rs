@@ -1,7 +1,7 @@
 //! Radiance pictures in the unit that their heads tell.
 
 use std::borrow::Cow;
-use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
+use std::io::Read;
 
 use glam::DMat3;
 use image::ImageDecoder;
@@ -11,8 +11,8 @@ use super::files::{of_file, of_image};
 use super::primaries::{converted, into_rec709_from};
 use super::raster::{Decoded, Raster, Whole, joined};
 
-/// Where the head of a picture ends, at the latest, whose rows or columns run the other way.
-const MOST_HEAD_BYTES: u64 = 1 << 16;
+/// Where the head of a picture ends, at the latest: one that was put together of many tells of each.
+const MOST_HEAD_BYTES: usize = 1 << 20;
 
 /// Which of rows and columns do not run from the top left.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,9 +55,9 @@ pub(super) fn decode_into<R: Raster>(
     check: impl FnOnce([u32; 2]) -> Result<(), String>,
     raster: impl FnOnce([u32; 2]) -> R,
 ) -> Result<Decoded<R>, String> {
-    let (bytes, turned) = straightened(bytes).unwrap_or((Cow::Borrowed(bytes), Turned::default()));
-    let mut rest = &*bytes;
-    let (size, head) = head(&mut rest)?;
+    let head = Head::of(bytes);
+    let (mut rest, turned) = (&bytes[head.n_bytes..], head.turned);
+    let (size, head) = head.told()?;
     check(size)?;
     let (exposure, (red, green, blue)) =
         (head.exposure.unwrap_or(1.0), head.color_correction.unwrap_or((1.0, 1.0, 1.0)));
@@ -85,11 +85,59 @@ pub(super) fn decode_into<R: Raster>(
     Ok(Decoded { size, raster, is_converted: into_rec709.is_some(), remark: joined(&remarks) })
 }
 
-/// Width, height and head of a file, which is read up to its first row.
-fn head(rest: &mut &[u8]) -> Result<([u32; 2], HdrMetadata), String> {
-    // Strictly its head would begin with `#?RADIANCE`; `#?RGBE` is as common.
-    let decoder = HdrDecoder::new_nonstrict(rest).map_err(of_image)?;
-    Ok((decoder.dimensions().into(), decoder.metadata()))
+/// The head of a file as the decoder takes it.
+struct Head {
+    /// Its own lines, each with a line feed behind it; the last one tells the size.
+    text: Vec<u8>,
+    /// Where the first row begins in the file.
+    n_bytes: usize,
+    turned: Turned,
+}
+
+impl Head {
+    /// From the first bytes of a file; a head that is cut off is cut off here, too.
+    #[expect(clippy::arithmetic_side_effects, reason = "lengths of lines within the bytes")]
+    fn of(bytes: &[u8]) -> Head {
+        let mut head = Head { text: Vec::new(), n_bytes: 0, turned: Turned::default() };
+        let mut is_size = false;
+        for line in bytes[..bytes.len().min(MOST_HEAD_BYTES)].split_inclusive(|byte| *byte == b'\n') {
+            head.n_bytes += line.len();
+            // On Windows a carriage return stands before the line feed.
+            let line = line.strip_suffix(b"\n").unwrap_or(line);
+            let line = line.strip_suffix(b"\r").unwrap_or(line);
+            if is_size {
+                let (line, turned) = straightened(line);
+                head.turned = turned;
+                head.text.extend_from_slice(&line);
+                head.text.push(b'\n');
+                break;
+            }
+            is_size = line.is_empty();
+            // What a tab sets in stood in the heads of pictures that this one was made of.
+            if !line.starts_with(b"\t") {
+                head.text.extend_from_slice(line);
+                head.text.push(b'\n');
+            }
+        }
+        head
+    }
+
+    /// Width, height and what else it tells.
+    fn told(&self) -> Result<([u32; 2], HdrMetadata), String> {
+        // Strictly a head would begin with `#?RADIANCE`; `#?RGBE` is as common.
+        let decoder = HdrDecoder::new_nonstrict(self.text.as_slice()).map_err(of_image)?;
+        Ok((decoder.dimensions().into(), decoder.metadata()))
+    }
+}
+
+/// The line that tells the size, as if rows ran from the top and columns from the left, where the decoder knows no other way.
+fn straightened(line: &[u8]) -> (Cow<'_, [u8]>, Turned) {
+    let words: Vec<&str> = std::str::from_utf8(line).unwrap_or_default().split_whitespace().collect();
+    let &[y @ ("+Y" | "-Y"), height, x @ ("+X" | "-X"), width] = words.as_slice() else {
+        return (Cow::Borrowed(line), Turned::default());
+    };
+    let turned = Turned { rows: y == "+Y", columns: x == "-X" };
+    (Cow::Owned(format!("-Y {height} +X {width}").into_bytes()), turned)
 }
 
 /// Reads the next row: the decoder reads all rows of its file, so each is handed to it as a file of one.
@@ -136,32 +184,10 @@ fn shortened(words: &str) -> String {
 ///
 /// # Errors
 /// As [`decode`].
-pub(super) fn size(mut file: impl BufRead + Seek) -> Result<[u32; 2], String> {
-    let error = match HdrDecoder::new_nonstrict(&mut file) {
-        Ok(decoder) => return Ok(decoder.dimensions().into()),
-        Err(error) => error,
-    };
-    let mut head = Vec::new();
-    file.seek(SeekFrom::Start(0)).map_err(|e| of_file(&e))?;
-    file.take(MOST_HEAD_BYTES).read_to_end(&mut head).map_err(|e| of_file(&e))?;
-    let Some((head, _)) = straightened(&head) else { return Err(of_image(error)) };
-    Ok(HdrDecoder::new_nonstrict(Cursor::new(&*head)).map_err(of_image)?.dimensions().into())
-}
-
-/// A file of rows from the bottom, or columns from the right, with a head as if they were not; `None` of any other file.
-#[expect(clippy::arithmetic_side_effects, reason = "places within the bytes")]
-fn straightened(bytes: &[u8]) -> Option<(Cow<'_, [u8]>, Turned)> {
-    let start = bytes.windows(2).position(|pair| pair == b"\n\n")? + 2;
-    let end = start + bytes[start..].iter().position(|&byte| byte == b'\n')?;
-    let words: Vec<&str> = std::str::from_utf8(&bytes[start..end]).ok()?.split_whitespace().collect();
-    let &[y, height, x, width] = words.as_slice() else { return None };
-    let turned = Turned { rows: y == "+Y", columns: x == "-X" };
-    let is_known = matches!((y, x), ("+Y" | "-Y", "+X" | "-X"));
-    if !is_known || turned == Turned::default() {
-        return None;
-    }
-    let straight = [&bytes[..start], format!("-Y {height} +X {width}").as_bytes(), &bytes[end..]].concat();
-    Some((Cow::Owned(straight), turned))
+pub(super) fn size(file: impl Read) -> Result<[u32; 2], String> {
+    let mut bytes = Vec::new();
+    file.take(MOST_HEAD_BYTES as u64).read_to_end(&mut bytes).map_err(|e| of_file(&e))?;
+    Ok(Head::of(&bytes).told()?.0)
 }
 
 #[cfg(test)]
@@ -186,11 +212,23 @@ mod tests {
         ] {
             let bytes = picture(line);
             let RadiancePicture { size: told, pixels, .. } = decode(&bytes, |_| Ok(())).expect(line);
-            assert_eq!((told, size(Cursor::new(&bytes))), ([3, 2], Ok([3, 2])), "{line}");
+            assert_eq!((told, size(bytes.as_slice())), ([3, 2], Ok([3, 2])), "{line}");
             assert_eq!(pixels, expected.map(|value: f32| [value; 3]), "{line}");
         }
         let on_its_side = picture("+X 3 -Y 2");
-        assert!(size(Cursor::new(&on_its_side)).expect_err("columns first").contains("Orientation"));
+        assert!(size(on_its_side.as_slice()).expect_err("columns first").contains("Orientation"));
         assert!(decode(&on_its_side, |_| Ok(())).expect_err("columns first").contains("Orientation"));
+    }
+
+    #[test]
+    fn lines_of_a_head_may_end_as_on_windows() {
+        for line in ["-Y 2 +X 3", "+Y 2 -X 3"] {
+            let plain = picture(line);
+            let (head, rows) = plain.split_at(plain.len() - 4 * 6);
+            let head = String::from_utf8_lossy(head).replace('\n', "\r\n");
+            let bytes = [head.as_bytes(), rows].concat();
+            let pixels = |bytes: &[u8]| decode(bytes, |_| Ok(())).expect(line).pixels;
+            assert_eq!((pixels(&bytes), size(bytes.as_slice())), (pixels(&plain), Ok([3, 2])), "{line}");
+        }
     }
 }

@@ -29,14 +29,14 @@ const TILTED: &str =
     "its table of how the light changes as the lamp is tilted is passed over: it shines as it was measured";
 
 /// Reads what follows the head; `tilt` is the index of its last line. Commas stand between numbers, unless the file holds just as many
-/// as it announces only with commas for decimal points.
+/// as it announces, or can be read at all, only with commas for decimal points.
 pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Read, Fault> {
     let separated = read_by(lines, tilt, Comma::Separates);
     if matches!(separated, Ok((_, 0))) {
         return separated.map(|(read, _)| read);
     }
     match read_by(lines, tilt, Comma::Decimal) {
-        Ok((mut read, 0)) => {
+        Ok((mut read, n_left)) if n_left == 0 || separated.is_err() => {
             read.remarks.push(DECIMAL_COMMAS.to_owned());
             Ok(read)
         }

@@ -146,6 +146,17 @@ fn commas_are_decimal_points_where_only_so_a_file_holds_what_it_announces() {
 }
 
 #[test]
+fn decimal_commas_are_read_before_a_text_with_numbers() {
+    let dotted = ies(1, &[0.0, 45.0, 90.0], &[0.0], &[100.5, 50.25, 7.0]);
+    let (head, numbers) = dotted.split_once("TILT=NONE").expect("a head");
+    let commas = format!("{head}TILT=NONE{}measured in 2019, page 3\r\n", numbers.replace('.', ","));
+    let read = parsed(&commas);
+    assert_eq!(read.light_bytes(), parsed(&dotted).light_bytes());
+    let told = read.remarks();
+    assert!(matches!(told, [left, commas] if left.starts_with("2 numbers") && commas.contains("commas")), "{told:?}");
+}
+
+#[test]
 fn eulumdat_planes_complete_themselves() {
     let full = parsed(&ldt(0, &ring(&[100.0, 200.0, 300.0, 400.0])));
     expect(&full, &[(AIM, 7.0), (X, 100.0), (Y, 200.0), (-X, 300.0), (-Y, 400.0), (X - Y, 250.0)]);
