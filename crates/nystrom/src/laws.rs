@@ -160,6 +160,30 @@ fn full_rank_is_exact() {
     }
 }
 
+/// Each landmark takes a two-hundredth of what is left, which is no reason to take no more.
+#[test]
+fn a_flat_spectrum_is_kept_to_every_tolerance_and_rank_however_large() {
+    let n = 200;
+    let unit = Dense { n_rows: n, n_cols: n, data: (0..n * n).map(|i| f32::from(i % (n + 1) == 0)).collect() };
+    let mut rng = Random::new([47, 0]);
+    let random = Dense { n_rows: 3 * n, n_cols: n, data: (0..3 * n * n).map(|_| rng.normal()).collect() };
+    for (truth, name) in [(unit.clone(), "unit"), (random, "random")] {
+        let matrix = Known::new(truth, 1, 0.0);
+        for tolerance in [0.0f32, 0.03, 0.5] {
+            let factors = factors(&matrix, &config(Tolerance::RelativeFrobenius(tolerance), n, 1), 1);
+            let error = relative(&factors, &matrix.truth);
+            assert!(error <= f64::from(tolerance).max(1e-3), "{name} {tolerance}: {error}, rank {}", factors.rank);
+        }
+    }
+    // No matrix of this rank is nearer than the root of what it lacks of all.
+    let matrix = Known::new(unit, 1, 0.0);
+    for rank in [50, 150, 190] {
+        let error = relative(&factors(&matrix, &config(Tolerance::Rank(rank), n, 1), 1), &matrix.truth);
+        let best = (1.0 - f64::from(rank) / n as f64).sqrt();
+        assert!(error <= 2.0 * best, "rank {rank}: {error}, {best} at best");
+    }
+}
+
 #[test]
 fn decaying_spectra_stay_within_tolerance_near_the_best_rank() {
     let mut rng = Random::new([32, 0]);
