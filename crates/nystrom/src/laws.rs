@@ -239,6 +239,19 @@ fn duplicates_zero_rows_and_magnitudes_do_no_harm() {
     }
 }
 
+/// The least numbers that single precision has, times up to 280.
+#[test]
+fn a_block_of_the_least_numbers_is_not_zero() {
+    let n_cols = 10;
+    let multiple = |i: usize| 8 * (i / n_cols % 7 + 1) as u32 * (i % n_cols % 5 + 1) as u32;
+    let truth = Dense { n_rows: 12, n_cols, data: (0..12 * n_cols).map(|i| f32::from_bits(multiple(i))).collect() };
+    let found = factors(&Known::new(truth, 1, 0.0), &config(Tolerance::Rank(1), n_cols, 1), 1);
+    for (i, got) in found.dense().into_iter().enumerate() {
+        let missing = i64::from(got.to_bits()) - i64::from(multiple(i));
+        assert!(missing.abs() <= 3, "{got:e} for {} times the least", multiple(i));
+    }
+}
+
 #[test]
 fn a_zero_block_has_rank_zero() {
     for n_cols in [1, 4, 200] {
