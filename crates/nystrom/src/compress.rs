@@ -393,7 +393,10 @@ fn check<M: SampledMatrix>(
     let wrong = |words: String| Err(CompressError::Config(words));
     check_groups(config, matrix.n_cols())?;
     let n_bundles = partition.width as usize * partition.height as usize;
-    if partition.tile == 0 || n_bundles * matrix.bundle_len() != matrix.n_rows() {
+    if partition.tile == 0 {
+        return wrong("the tiles of a partition need a side of 1 or more".into());
+    }
+    if n_bundles * matrix.bundle_len() != matrix.n_rows() {
         return wrong(format!("a partition of {n_bundles} bundles does not fit {} rows", matrix.n_rows()));
     }
     if let Some(block) = blocks.iter().find(|block| **block as usize >= partition.n_blocks()) {
@@ -404,7 +407,8 @@ fn check<M: SampledMatrix>(
         smoothing.check(partition, matrix.bundle_len(), &config.groups)?;
     }
     if batch == 0 || max == 0 || min > max || max > u32::MAX / 2 {
-        return wrong(format!("a sample plan needs batch > 0 and min ≤ max, not {batch}, {min}, {max}"));
+        let (needed, most) = ("a sample plan needs a batch of 1 or more, min ≤ max", u32::MAX / 2);
+        return wrong(format!("{needed}, and max from 1 to {most}, not batch {batch}, min {min}, max {max}"));
     }
     Ok(())
 }

@@ -662,6 +662,23 @@ fn a_preserved_product_comes_out_as_it_was_sampled_whatever_the_rank() {
 }
 
 #[test]
+fn a_plan_or_a_partition_that_is_refused_is_told_what_it_needs() {
+    let matrix = Known::new(Dense::zeros(6, 2), 3, 0.0);
+    for (batch, min, max) in [(0, 1, 1), (1, 0, 0), (1, 2, 1), (1, 1, u32::MAX)] {
+        let samples = SamplePlan { batch, min, max };
+        let config = CompressConfig { samples, ..config(Tolerance::Rank(1), 2, 1) };
+        let found = compress(&matrix, &matrix.partition(), &[0], &config, |_, _| ControlFlow::Continue(()));
+        let told = found.unwrap_err().to_string();
+        let all = ["a batch of 1 or more", "max from 1 to 2147483647", "min ≤ max"];
+        assert!(all.iter().all(|words| told.contains(words)), "{told}");
+        assert!(told.ends_with(&format!("not batch {batch}, min {min}, max {max}")), "{told}");
+    }
+    let (partition, config) = (Partition { tile: 0, ..matrix.partition() }, config(Tolerance::Rank(1), 2, 1));
+    let found = compress(&matrix, &partition, &[0], &config, |_, _| ControlFlow::Continue(()));
+    assert!(found.unwrap_err().to_string().contains("tiles"));
+}
+
+#[test]
 fn a_block_of_no_rows_is_refused() {
     for bundle_len in [1, 3] {
         let samples = BlockSamples { halves: [&[]; 2], sparse: [&[]; 2], n_cols: 5, bundle_len, n_samples: [1; 2] };
