@@ -4,7 +4,8 @@ use half::{f16, slice::HalfFloatSliceExt};
 
 use crate::matrix::SparseEntry;
 
-/// Mean squares per entry of a block, its sparse part aside.
+/// Mean squares per entry of a block, its sparse part aside. Single precision ends about where errors of 1e±19 do: a greater one is told
+/// as its greatest number, a far lesser one as 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BlockError {
     /// What the chosen rank leaves out whatever the noise does: the product of what two fits, each to one half of the
@@ -58,7 +59,7 @@ pub struct BlockFactors {
     pub rank: u32,
     /// Row-major, rows × rank.
     pub left: Vec<f16>,
-    /// One per component, a power of two.
+    /// One per component, a power of two; 0 where that is less than single precision holds.
     pub scale: Vec<f32>,
     /// Row-major, rank × columns.
     pub right: Vec<f16>,
@@ -197,7 +198,7 @@ impl BlockFactors {
         out
     }
 
-    /// Some of the columns, in the order given: what is left of each entry is the same.
+    /// Some of the columns, each once, in the order given: what is left of each entry is the same.
     #[must_use]
     pub fn with_columns(&self, columns: &[u32]) -> Self {
         let n_cols = self.n_cols as usize;
