@@ -30,8 +30,8 @@ pub enum Tolerance {
     AbsoluteMeanSquare(f32),
     /// Root of the error's energy over root of the block's energy.
     RelativeFrobenius(f32),
-    /// At most this rank, and as many samples as the plan allows. One component more where the preserved product needs it, see
-    /// [`ColumnGroup::preserved`].
+    /// At most this rank, and as many samples as the plan allows, unless samples do not differ at all. One component more where the
+    /// preserved product needs it, see [`ColumnGroup::preserved`].
     Rank(u32),
 }
 
@@ -96,7 +96,7 @@ pub struct SamplePlan {
     /// Samples before the first look at the tolerance. A single one can be looked at only where colors are independent; else the
     /// second is taken too.
     pub min: u32,
-    /// Samples at most.
+    /// Samples at most: from 1 to 2³¹ − 1.
     pub max: u32,
 }
 
@@ -207,11 +207,11 @@ pub struct BlockSamples<'a> {
 /// Compresses some blocks of a matrix, in the order given, on as many threads as the current rayon pool has.
 ///
 /// `on_block` gets one [`BlockFactors`] per group as soon as a block is done, one call at a time, in any order; it must not
-/// wait for the same pool. [`ControlFlow::Break`] stops soon, after at most a batch of samples, and is handed back. The same
-/// matrix, config and seed give the same factors on any number of threads.
+/// wait for the same pool. [`ControlFlow::Break`] stops soon, after at most a batch of samples or the factors of a group, and is handed
+/// back. The same matrix, config and seed give the same factors on any number of threads.
 ///
 /// # Errors
-/// A config that does not fit the matrix, or samples that are not finite.
+/// A config that does not fit the matrix, samples that are not finite, or a method that finds no factors.
 pub fn compress<M: SampledMatrix>(
     matrix: &M,
     partition: &Partition,
@@ -228,7 +228,7 @@ pub struct Guide<'a> {
     /// Is given the blocks that nobody has taken yet and says at which place among them the next one stands. The factors are the
     /// same in any order.
     pub order: &'a (dyn Fn(&[u32]) -> usize + Sync),
-    /// Whether anybody wants the blocks; asked often, and never again after a no, which ends the run within blocks.
+    /// Whether anybody wants the blocks; asked often, by several threads at once. A no ends the run within blocks, whatever others hear.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
     /// Is told of each block after `on_block`, by the thread that worked on it and while others go on: for work that blocks call for.
     pub delivered: &'a (dyn Fn(u32) + Sync),
@@ -260,7 +260,8 @@ pub fn compress_by<M: SampledMatrix>(
 /// Compresses one block from the sums of its samples: one result per group of the config.
 ///
 /// # Errors
-/// Groups beyond the columns, halves of no rows or of different size, or samples that are not finite.
+/// Groups beyond the columns, preserved weights that are not as many as these, halves of no rows or of different size, a smoothing made for
+/// other blocks, samples that are not finite, or a method that finds no factors.
 pub fn compress_block(
     samples: &BlockSamples<'_>,
     config: &CompressConfig,
@@ -273,7 +274,8 @@ pub fn compress_block(
 }
 
 /// # Errors
-/// Groups beyond the columns, or halves of no rows or of different size.
+/// Groups beyond the columns, preserved weights that are not as many as these, halves of no rows or of different size, or a smoothing made
+/// for other blocks.
 pub(crate) fn check_samples(
     samples: &BlockSamples<'_>,
     config: &CompressConfig,
@@ -393,7 +395,10 @@ fn check<M: SampledMatrix>(
     let wrong = |words: String| Err(CompressError::Config(words));
     check_groups(config, matrix.n_cols())?;
     let n_bundles = partition.width as usize * partition.height as usize;
-    if partition.tile == 0 || n_bundles * matrix.bundle_len() != matrix.n_rows() {
+    if partition.tile == 0 {
+        return wrong("the tiles of a partition need a side of 1 or more".into());
+    }
+    if n_bundles * matrix.bundle_len() != matrix.n_rows() {
         return wrong(format!("a partition of {n_bundles} bundles does not fit {} rows", matrix.n_rows()));
     }
     if let Some(block) = blocks.iter().find(|block| **block as usize >= partition.n_blocks()) {
@@ -404,7 +409,8 @@ fn check<M: SampledMatrix>(
         smoothing.check(partition, matrix.bundle_len(), &config.groups)?;
     }
     if batch == 0 || max == 0 || min > max || max > u32::MAX / 2 {
-        return wrong(format!("a sample plan needs batch > 0 and min ≤ max, not {batch}, {min}, {max}"));
+        let (needed, most) = ("a sample plan needs a batch of 1 or more, min ≤ max", u32::MAX / 2);
+        return wrong(format!("{needed}, and max from 1 to {most}, not batch {batch}, min {min}, max {max}"));
     }
     Ok(())
 }

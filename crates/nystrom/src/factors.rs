@@ -4,7 +4,8 @@ use half::{f16, slice::HalfFloatSliceExt};
 
 use crate::matrix::SparseEntry;
 
-/// Mean squares per entry of a block, its sparse part aside.
+/// Mean squares per entry of a block, its sparse part aside. Single precision ends about where errors of 1e±19 do: a greater one is told
+/// as its greatest number, a far lesser one as 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BlockError {
     /// What the chosen rank leaves out whatever the noise does: the product of what two fits, each to one half of the
@@ -45,7 +46,7 @@ pub(crate) fn deviation(noise: f64, told: f64, n_entries: f64) -> f64 {
 /// noise in the same scale may still be greater than what it is the noise of.
 const ROOM: i32 = 8;
 /// Power of two of the greatest scale whose product with such a number single precision holds, unless that rounds up to 2^(ROOM + 1).
-pub(crate) const GREATEST_SCALE: i32 = f32::MAX_EXP - 1 - ROOM;
+const GREATEST_SCALE: i32 = f32::MAX_EXP - 1 - ROOM;
 
 /// One block of a matrix, compressed: `left · diag(scale) · right + sparse`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -58,7 +59,7 @@ pub struct BlockFactors {
     pub rank: u32,
     /// Row-major, rows × rank.
     pub left: Vec<f16>,
-    /// One per component, a power of two.
+    /// One per component, a power of two; 0 where that is less than single precision holds.
     pub scale: Vec<f32>,
     /// Row-major, rank × columns.
     pub right: Vec<f16>,
@@ -82,12 +83,17 @@ impl BlockFactors {
     /// Each column of `left` and each row of `right` is divided by a power of two that brings it into the range of `f16`;
     /// `scale` gives their product back. Components that are all zero stay zero.
     pub fn from_f32(left: &[f32], right: &[f32], n_rows: usize, n_cols: usize, rank: usize) -> Self {
+        Self::in_unit(0, left, right, [n_rows, n_cols, rank])
+    }
+
+    /// The same of a left factor whose values are to be multiplied by 2^unit, which by themselves may be beyond single precision.
+    pub(crate) fn in_unit(unit: i32, left: &[f32], right: &[f32], [n_rows, n_cols, rank]: [usize; 3]) -> Self {
         assert!(
             left.len() == n_rows * rank && right.len() == rank * n_cols,
             "factors do not fit {n_rows} × {rank} × {n_cols}"
         );
         let mut factors = Self { n_rows: n_rows as u32, n_cols: n_cols as u32, rank: rank as u32, ..Self::default() };
-        let left_exponents = exponents_of_columns(left, rank);
+        let left_exponents = exponents_of_columns(unit, left, rank);
         let largest = |row: &[f32]| row.iter().fold(0.0f32, |largest, x| largest.max(x.abs()));
         let right_exponents: Vec<i32> = right.chunks(n_cols.max(1)).map(|row| exponent(largest(row))).collect();
         factors.left = scaled_columns(left, &left_exponents);
@@ -95,14 +101,14 @@ impl BlockFactors {
         let rows = rows.map(|(row, exponent)| (row, power_of_two(-exponent)));
         let scaled = rows.flat_map(|(row, power)| row.iter().map(move |&x| held(f64::from(x) * power)));
         factors.right = rounded(&scaled.collect::<Vec<_>>());
-        factors.scale = (0..rank).map(|r| scale(left_exponents[r] + right_exponents[r])).collect();
+        factors.scale = (0..rank).map(|r| scale(left_exponents[r] + right_exponents[r] + unit)).collect();
         factors
     }
 
-    /// Packs the noise of `left` in the scale of that; both row-major rows × rank. What is greater than a half holds there is told as the
-    /// greatest one.
-    pub(crate) fn with_doubt(mut self, doubt: &[f32], left: &[f32]) -> Self {
-        let exponents = exponents_of_columns(left, self.rank as usize);
+    /// Packs the noise of `left` in the scale of that; both row-major rows × rank, in the unit that `left` was packed in. What is greater
+    /// than a half holds there is told as the greatest one.
+    pub(crate) fn with_doubt(mut self, unit: i32, doubt: &[f32], left: &[f32]) -> Self {
+        let exponents = exponents_of_columns(unit, left, self.rank as usize);
         self.doubt = scaled_columns(doubt, &exponents);
         self
     }
@@ -110,7 +116,7 @@ impl BlockFactors {
     /// The same right factor and sparse part with another left factor, row-major rows × rank, for `right` as it is; its noise is
     /// not known.
     pub(crate) fn with_left(&self, left: &[f32]) -> Self {
-        let exponents = exponents_of_columns(left, self.rank as usize);
+        let exponents = exponents_of_columns(0, left, self.rank as usize);
         Self {
             left: scaled_columns(left, &exponents),
             scale: exponents.iter().map(|&exponent| scale(exponent)).collect(),
@@ -192,7 +198,7 @@ impl BlockFactors {
         out
     }
 
-    /// Some of the columns, in the order given: what is left of each entry is the same.
+    /// Some of the columns, each once, in the order given: what is left of each entry is the same.
     #[must_use]
     pub fn with_columns(&self, columns: &[u32]) -> Self {
         let n_cols = self.n_cols as usize;
@@ -226,9 +232,9 @@ impl BlockFactors {
 }
 
 /// Powers of two that columns of a row-major matrix are divided by: their largest magnitudes come into [2^ROOM, 2^(ROOM + 1)), where
-/// single precision holds what they are multiplied with again.
-fn exponents_of_columns(values: &[f32], n_cols: usize) -> Vec<i32> {
-    let room = |exponent: i32| exponent - ROOM.min((exponent - (f32::MIN_EXP - 1)).max(0));
+/// single precision holds what they are multiplied with again, 2^unit included.
+fn exponents_of_columns(unit: i32, values: &[f32], n_cols: usize) -> Vec<i32> {
+    let room = |exponent: i32| exponent - ROOM.min((exponent + unit - (f32::MIN_EXP - 1)).max(0));
     let mut largest = vec![0.0f32; n_cols];
     for row in values.chunks(n_cols.max(1)) {
         largest.iter_mut().zip(row).for_each(|(largest, x)| *largest = largest.max(x.abs()));
@@ -381,7 +387,7 @@ mod tests {
         // Noise in the same scale may be greater than the largest row, and than any half.
         for times in [50.0f32, 1e4] {
             let doubt: Vec<f32> = left.iter().map(|x| times * x).collect();
-            let packed = factors.clone().with_doubt(&doubt, &left).doubt;
+            let packed = factors.clone().with_doubt(0, &doubt, &left).doubt;
             assert!(packed.iter().all(|x| x.is_finite()), "{times}");
         }
         // What is no number is not made one: an encoder refuses it.

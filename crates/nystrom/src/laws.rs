@@ -160,6 +160,30 @@ fn full_rank_is_exact() {
     }
 }
 
+/// Each landmark takes a two-hundredth of what is left, which is no reason to take no more.
+#[test]
+fn a_flat_spectrum_is_kept_to_every_tolerance_and_rank_however_large() {
+    let n = 200;
+    let unit = Dense { n_rows: n, n_cols: n, data: (0..n * n).map(|i| f32::from(i % (n + 1) == 0)).collect() };
+    let mut rng = Random::new([47, 0]);
+    let random = Dense { n_rows: 3 * n, n_cols: n, data: (0..3 * n * n).map(|_| rng.normal()).collect() };
+    for (truth, name) in [(unit.clone(), "unit"), (random, "random")] {
+        let matrix = Known::new(truth, 1, 0.0);
+        for tolerance in [0.0f32, 0.03, 0.5] {
+            let factors = factors(&matrix, &config(Tolerance::RelativeFrobenius(tolerance), n, 1), 1);
+            let error = relative(&factors, &matrix.truth);
+            assert!(error <= f64::from(tolerance).max(1e-3), "{name} {tolerance}: {error}, rank {}", factors.rank);
+        }
+    }
+    // No matrix of this rank is nearer than the root of what it lacks of all.
+    let matrix = Known::new(unit, 1, 0.0);
+    for rank in [50, 150, 190] {
+        let error = relative(&factors(&matrix, &config(Tolerance::Rank(rank), n, 1), 1), &matrix.truth);
+        let best = (1.0 - f64::from(rank) / n as f64).sqrt();
+        assert!(error <= 2.0 * best, "rank {rank}: {error}, {best} at best");
+    }
+}
+
 #[test]
 fn decaying_spectra_stay_within_tolerance_near_the_best_rank() {
     let mut rng = Random::new([32, 0]);
@@ -212,6 +236,19 @@ fn duplicates_zero_rows_and_magnitudes_do_no_harm() {
             let BlockError { truncation, sampling, noise } = factors.error;
             assert!(truncation.is_finite() && sampling.is_finite() && noise.is_finite(), "{:?}", factors.error);
         }
+    }
+}
+
+/// The least numbers that single precision has, times up to 280.
+#[test]
+fn a_block_of_the_least_numbers_is_not_zero() {
+    let n_cols = 10;
+    let multiple = |i: usize| 8 * (i / n_cols % 7 + 1) as u32 * (i % n_cols % 5 + 1) as u32;
+    let truth = Dense { n_rows: 12, n_cols, data: (0..12 * n_cols).map(|i| f32::from_bits(multiple(i))).collect() };
+    let found = factors(&Known::new(truth, 1, 0.0), &config(Tolerance::Rank(1), n_cols, 1), 1);
+    for (i, got) in found.dense().into_iter().enumerate() {
+        let missing = i64::from(got.to_bits()) - i64::from(multiple(i));
+        assert!(missing.abs() <= 3, "{got:e} for {} times the least", multiple(i));
     }
 }
 
@@ -622,6 +659,23 @@ fn a_preserved_product_comes_out_as_it_was_sampled_whatever_the_rank() {
         }
     }
     assert!(has_one_more);
+}
+
+#[test]
+fn a_plan_or_a_partition_that_is_refused_is_told_what_it_needs() {
+    let matrix = Known::new(Dense::zeros(6, 2), 3, 0.0);
+    for (batch, min, max) in [(0, 1, 1), (1, 0, 0), (1, 2, 1), (1, 1, u32::MAX)] {
+        let samples = SamplePlan { batch, min, max };
+        let config = CompressConfig { samples, ..config(Tolerance::Rank(1), 2, 1) };
+        let found = compress(&matrix, &matrix.partition(), &[0], &config, |_, _| ControlFlow::Continue(()));
+        let told = found.unwrap_err().to_string();
+        let all = ["a batch of 1 or more", "max from 1 to 2147483647", "min ≤ max"];
+        assert!(all.iter().all(|words| told.contains(words)), "{told}");
+        assert!(told.ends_with(&format!("not batch {batch}, min {min}, max {max}")), "{told}");
+    }
+    let (partition, config) = (Partition { tile: 0, ..matrix.partition() }, config(Tolerance::Rank(1), 2, 1));
+    let found = compress(&matrix, &partition, &[0], &config, |_, _| ControlFlow::Continue(()));
+    assert!(found.unwrap_err().to_string().contains("tiles"));
 }
 
 #[test]

@@ -88,7 +88,7 @@ pub struct PackPlan {
     /// As [`ColumnGroup::apart`](crate::ColumnGroup::apart): a block is stored as finely as the weakest column that it holds asks for.
     pub apart: f32,
     /// One weight per column: the product with these weights is kept to a share of itself, or of its noise, whatever is
-    /// allowed. Empty: no product is.
+    /// allowed. Empty, or not as many as there are columns: no product is.
     pub preserved: Vec<f32>,
 }
 

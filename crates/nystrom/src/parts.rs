@@ -73,13 +73,24 @@ impl Part {
     /// The rows of the bundles that are asked how noisy all are: all, or some of a color, evenly spread, which `some` takes.
     pub(crate) fn asked<'a>(&self, rows: &'a [f32], bundle_size: usize, some: &'a mut Vec<f32>) -> &'a [f32] {
         let bundles = rows.chunks_exact(bundle_size);
-        let step = bundles.len().div_ceil(MOST_ASKED);
-        if !self.is_color || step <= 1 {
+        let step = self.step(bundles.len());
+        if step == 1 {
             return rows;
         }
         some.clear();
         bundles.step_by(step).for_each(|bundle| some.extend_from_slice(bundle));
         some
+    }
+
+    /// Which row of the block a row of those is that are [asked](Self::asked).
+    pub(crate) fn row_of_block(&self, row: usize, bundle_len: usize) -> usize {
+        let place = self.places[row / bundle_len * self.step(self.places.len())];
+        place * bundle_len + row % bundle_len
+    }
+
+    /// From one bundle that is asked to the next.
+    fn step(&self, n_bundles: usize) -> usize {
+        if self.is_color { n_bundles.div_ceil(MOST_ASKED).max(1) } else { 1 }
     }
 
     fn counted(&self, half: usize) -> (&[f32], u32) {

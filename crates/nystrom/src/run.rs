@@ -179,6 +179,14 @@ where
         [part.asked(rows[0], self.bundle_size(), a), part.asked(rows[1], self.bundle_size(), b)]
     }
 
+    /// What was said of a row that is asked of a part, as said of the row of the block.
+    fn of_block(&self, part: &Part, mut error: CompressError) -> CompressError {
+        if let CompressError::NonFinite { row, .. } = &mut error {
+            *row = part.row_of_block(*row as usize, self.matrix.bundle_len()) as u32;
+        }
+        error
+    }
+
     /// Which color has seen enough after one sample of each half, as the other one tells. Nobody judges what is kept apart: whoever
     /// meets that says no.
     fn look_across(&self, block: u32, scratch: &mut Scratch) -> Result<[bool; 2], CompressError> {
@@ -187,7 +195,8 @@ where
         for (color, part) in parts.filter(|(_, part)| part.halves.iter().all(|half| half.sparse().is_empty())) {
             let first = part.halves.each_ref().map(|half| half.parts().0[1]);
             let samples = self.samples(self.asked(part, first, &mut scratch.some), [&[], &[]], [1; 2]);
-            is_done[1 - color] = Judge::default().is_content(&samples, 1.0, self.config, block, &mut scratch.means)?;
+            let is_content = Judge::default().is_content(&samples, 1.0, self.config, block, &mut scratch.means);
+            is_done[1 - color] = is_content.map_err(|error| self.of_block(part, error))?;
         }
         Ok(is_done)
     }
@@ -262,7 +271,8 @@ where
             let (sums, n_samples) = part.halves[half].parts();
             let samples = self.samples(self.asked(part, sums, &mut scratch.some), [&[], &[]], n_samples);
             // The mean of both halves has half of the variance of one.
-            content[half] = judges[half].is_content(&samples, 0.5, self.config, block, &mut scratch.means)?;
+            let is_content = judges[half].is_content(&samples, 0.5, self.config, block, &mut scratch.means);
+            content[half] = is_content.map_err(|error| self.of_block(part, error))?;
         }
         for half in [0, 1].into_iter().filter(|&half| content[half]) {
             scratch.parts[nth].halves[1 - half].close();

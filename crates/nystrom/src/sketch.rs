@@ -13,6 +13,11 @@ const N_FIRST: usize = 4;
 /// Rank that is enough without landmarks: smaller matrices are decomposed as they are.
 const SMALL: usize = 24;
 
+/// Share of what was left before above which it falls slowly.
+const SLOW: f64 = 0.97;
+/// How many times what more landmarks would not tell is more than noise and rounding, however slowly it falls.
+const FAR: f64 = 10.0;
+
 /// How often missed bundles are added after each choice by k-means.
 const N_MISSED_ROUNDS: usize = 4;
 
@@ -57,6 +62,7 @@ pub(crate) fn rank_limit(config: &CompressConfig, tolerance: Tolerance) -> usize
 ///
 /// Each round is the papers' alternation, then what it missed. What is left is the product of both halves' rests, so noise
 /// does not count. It is found by subtracting what landmarks tell; where hardly a digit of that is left, by measuring it.
+/// What falls slowly near the noise is noise; far above it the spectrum is flat, and there is more to be found.
 pub(crate) fn sketch(
     means: &Means,
     bundle_len: usize,
@@ -82,9 +88,9 @@ pub(crate) fn sketch(
         (0..N_MISSED_ROUNDS).take_while(|_| growth.add_missed(goal)).for_each(drop);
         let enough = goal * growth.n_others() as f64;
         let rest = growth.known_rest(enough);
-        let within = rest <= enough || rest <= growth.least_rest();
-        let stuck = target > N_FIRST && rest > 0.97 * before;
-        if !grown || within || stuck || growth.basis.n_rows >= widest {
+        let least = if rest <= enough { f64::INFINITY } else { growth.least_rest() };
+        let stuck = target > N_FIRST && rest > SLOW * before && rest <= FAR * least;
+        if !grown || rest <= least || stuck || growth.basis.n_rows >= widest {
             return growth.finish();
         }
         target *= 2;

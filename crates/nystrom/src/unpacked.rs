@@ -2,7 +2,7 @@
 
 use crate::{
     dense::Dense,
-    factors::{BlockError, BlockFactors, GREATEST_SCALE, power_of_two},
+    factors::{BlockError, BlockFactors},
     means::Means,
 };
 
@@ -48,10 +48,9 @@ impl Unpacked {
     /// Rounds the factors. A scale or a mean square beyond the range of `f32` becomes the last one of that range.
     pub(crate) fn packed(&self) -> BlockFactors {
         let (left, right) = (&self.left, &self.right);
-        let mut factors = BlockFactors::from_f32(&left.data, &right.data, left.n_rows, right.n_cols, left.n_cols)
-            .with_doubt(&self.doubt.data, &left.data);
-        let greatest = power_of_two(GREATEST_SCALE);
-        factors.scale.iter_mut().for_each(|scale| *scale = (f64::from(*scale) * self.unit).min(greatest) as f32);
+        let (unit, sizes) = (self.unit.log2().round() as i32, [left.n_rows, right.n_cols, left.n_cols]);
+        let mut factors =
+            BlockFactors::in_unit(unit, &left.data, &right.data, sizes).with_doubt(unit, &self.doubt.data, &left.data);
         let [truncation, sampling, noise] = [self.truncation + self.packing, self.sampling, self.noise]
             .map(|x| (x * self.unit * self.unit).clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32);
         factors.error = BlockError { truncation, sampling, noise };
@@ -62,6 +61,27 @@ impl Unpacked {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::factors::power_of_two;
+
+    #[test]
+    fn no_scale_is_zero_however_small_the_unit() {
+        let one = |x: f32| Dense { n_rows: 1, n_cols: 1, data: vec![x] };
+        for exponent in [-149, -145, -140, -127, -120] {
+            let factors = Unpacked {
+                left: one(1.0),
+                doubt: one(0.5),
+                right: one(1.0),
+                unit: power_of_two(exponent),
+                truncation: 0.0,
+                sampling: 0.0,
+                noise: 0.0,
+                packing: 0.0,
+            };
+            let packed = factors.packed();
+            assert_eq!(packed.entry(0, 0), power_of_two(exponent) as f32, "{packed:?}");
+            assert_eq!(packed.doubt[0].to_f32(), 0.5 * packed.left[0].to_f32(), "{packed:?}");
+        }
+    }
 
     #[test]
     fn no_scale_is_infinite_however_large_the_unit() {

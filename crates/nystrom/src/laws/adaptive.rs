@@ -284,6 +284,46 @@ fn a_block_with_sparse_entries_is_not_done_after_one_sample() {
     assert_eq!(of_chessboard(&Chessboard { first_sparse: 0 }).n_samples, (4 + 16) / 2);
 }
 
+/// All 1, but for an entry of one row that is no number; colors tell each other.
+struct OddRow(usize);
+
+impl SampledMatrix for OddRow {
+    fn n_rows(&self) -> usize {
+        400
+    }
+    fn n_cols(&self) -> usize {
+        3
+    }
+    fn bundle_len(&self) -> usize {
+        2
+    }
+    fn colors_are_independent(&self, _bundles: &[u32]) -> bool {
+        true
+    }
+    fn add_rows(&self, bundles: &[u32], samples: Range<u32>, _: Half, out: &mut [f32], _sparse: &mut Vec<SparseEntry>) {
+        for (row, out) in out.chunks_mut(3).enumerate() {
+            out.iter_mut().for_each(|x| *x += samples.len() as f32);
+            if bundles[row / 2] as usize * 2 + row % 2 == self.0 {
+                out[1] = f32::NAN;
+            }
+        }
+    }
+}
+
+/// Of a hundred bundles of a color every other one is asked how noisy it is.
+#[test]
+fn an_odd_row_has_the_number_that_it_has_in_the_block_whatever_its_color() {
+    let group =
+        ColumnGroup { columns: 0..3, tolerance: Tolerance::Rank(2), preserved: Vec::new(), share: 1.0, apart: 0.0 };
+    let samples = SamplePlan { batch: 1, min: 1, max: 4 };
+    let config = CompressConfig { groups: vec![group], samples, ..CompressConfig::default() };
+    let partition = Partition { width: 20, height: 10, tile: 20 };
+    for row in [0, 1, 2, 5, 8, 43, 46, 211, 398, 399] {
+        let found = compress(&OddRow(row), &partition, &[0], &config, |_, _| ControlFlow::Continue(()));
+        assert_eq!(found, Err(CompressError::NonFinite { block: 0, row: row as u32, col: 1 }));
+    }
+}
+
 #[test]
 fn who_leaves_in_the_middle_of_a_block_is_not_sampled_for() {
     let matrix = OneSided { noisy: Half::A, sampled: Default::default() };

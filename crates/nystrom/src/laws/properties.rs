@@ -123,8 +123,9 @@ proptest! {
         prop_assert!(ours.error <= 1e-6 * case.norm(), "{} of {}", ours.error, case.norm());
     }
 
-    /// Rows and columns of one matrix are up to 2^40 apart here, and single precision then costs more than a millionth of the norm
-    /// once in a great while: see [`singular_matrices_are_within_twice_the_optimum_in_999_of_1000_cases`].
+    /// Another millionth of the norm is let pass beyond what [`Case::allowed`] asks for, which every case of the stress suite keeps: rows
+    /// and columns of one matrix are up to 2^40 apart here, and single precision then costs more than one once in a great while. How
+    /// seldom is held by [`singular_matrices_are_within_twice_the_optimum_in_999_of_1000_cases`].
     #[test]
     fn singular_matrices_survive(case in singular()) {
         let (ours, allowed) = (answer(&case), case.allowed() + FLOOR * case.norm());
@@ -189,7 +190,8 @@ fn singular_matrices_are_within_twice_the_optimum_in_999_of_1000_cases() {
 /// What the halves tell of the error is a random number itself, and no bound: were it one, it would be too great in the mean. It *holds*
 /// where the square of the error is no more than the square of what is told and three of its standard deviations, which
 /// [`BlockError::deviation`](crate::BlockError::deviation) tells, and it is of use where, over many seeds, it is right in the mean. By
-/// itself it is not less than the error in about every other block; were that far fewer, it would be no figure in the middle.
+/// itself it is not less than the error in about every other block; were that far fewer, it would be no figure in the middle. Of normal
+/// deviations two hold in 97.7 of 100 seeds and three in 99.9: three are the fewest whole ones with which it holds in 99.
 #[test]
 fn what_is_told_of_the_error_holds_for_99_in_100_seeds() {
     for (noise, rank) in [(0.01, 4), (0.1, 6), (0.5, 6)] {
