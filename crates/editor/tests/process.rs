@@ -593,6 +593,19 @@ fn answer(folder: &Path, line: &str) -> serde_json::Value {
 }
 
 #[test]
+fn the_time_of_a_preview_is_told_where_there_is_one() {
+    let folder = desk();
+    for (line, has_preview) in [
+        ("bake room.gltf --size 16x12 --spp 2 -o a.transport", true),
+        ("render room.gltf --size 16x12 --spp 2 -o a.png", false),
+        ("render room.gltf --size 16x12 --spp 2 --seconds 1 -o a.png", true),
+    ] {
+        let told = answer(folder.path(), line)["preview_secs"].clone();
+        assert_eq!((told.is_number(), told.is_null()), (has_preview, !has_preview), "{line}: {told}");
+    }
+}
+
+#[test]
 fn the_error_of_every_block_is_listed_in_its_layers() {
     let folder = desk();
     succeeds(folder.path(), "bake room.gltf --size 40x24 --spp 8 -o a.transport");
