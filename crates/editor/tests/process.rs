@@ -355,6 +355,14 @@ fn options_that_have_nothing_to_do_are_not_passed_over() {
     let output = run(folder.path(), "schedule dark.gltf --look watts.look -o lamps.csv");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(said.contains("as the look does, changes nothing"), "{said}");
+    let profile = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0\n1 1 50\n0 90\n0\n100 0\n";
+    std::fs::write(folder.path().join("a.ies"), profile).unwrap();
+    let warnings = |line: &str| {
+        let traced = format!("trace room.gltf --size 8x6 --spp 1 --unitless {line} -o a.exr");
+        answer(folder.path(), &traced)["warnings"].to_string()
+    };
+    assert!(warnings("--ies lamp=a.ies").contains("--unitless changes nothing"));
+    assert!(!warnings("").contains("--unitless changes nothing"));
 }
 
 #[test]
