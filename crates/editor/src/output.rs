@@ -45,8 +45,8 @@ impl PendingFile {
     /// leads to.
     ///
     /// # Errors
-    /// If the folder is missing or not writable, the name is too long, a folder or a file of another kind behind a link stands in the
-    /// way, or `-` is named, which elsewhere means stdout.
+    /// If the folder is missing or not writable, the name is too long, a folder, a device, a pipe or a file of another kind behind a link
+    /// stands in the way, or `-` is named, which elsewhere means stdout.
     pub fn create(path: &Path) -> Result<PendingFile> {
         if path.as_os_str() == "-" {
             bail!("cannot write to stdout, as - means elsewhere; name a file (./- for one that is called -)");
@@ -57,6 +57,10 @@ impl PendingFile {
         }
         if path.is_dir() {
             bail!("cannot write {}: it is a folder; add a file name", path.display());
+        }
+        // A file would take the place of a device, and who reads a pipe would wait for ever.
+        if target.metadata().is_ok_and(|there| !there.is_file()) {
+            bail!("cannot write {}: it is a device or a pipe; name a file", path.display());
         }
         // A link with another ending, or none, is called as its user likes: it tells nothing of what is written.
         let own = ending_of(path);
@@ -298,6 +302,20 @@ mod tests {
         assert_eq!(fs::read(&target).unwrap(), b"third");
         symlink("loop", folder.path().join("loop")).unwrap();
         assert!(PendingFile::create(&folder.path().join("loop")).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_or_a_pipe_keeps_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let (pipe, link) = (folder.path().join("a.csv"), folder.path().join("b.csv"));
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        std::os::unix::fs::symlink("/dev/null", &link).unwrap();
+        for output in [pipe.as_path(), link.as_path(), Path::new("/dev/null")] {
+            let said = PendingFile::create(output).unwrap_err().to_string();
+            assert!(said.contains("it is a device or a pipe; name a file"), "{said}");
+        }
+        assert_eq!(names(folder.path()).len(), 2);
     }
 
     #[test]

@@ -118,6 +118,16 @@ pub fn ignores_hangups() -> Option<bool> {
     None
 }
 
+/// Has writing beyond the size that files may have (`ulimit -f`) fail as it does on a full disk. Of itself, the system ends a program there,
+/// in the middle of its file.
+pub fn outlive_limits_of_files() {
+    #[cfg(unix)]
+    {
+        // Whoever listens lives on; nobody asks for what was heard. Where that is refused, all stays as it was.
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
+    }
+}
+
 /// Has the system run other threads before this one, where both want a processor: as a nice value of 5 does on Linux, “below normal” on
 /// Windows, and 5 below the 31 that threads begin with on macOS.
 pub fn step_back() {

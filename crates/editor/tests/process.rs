@@ -355,6 +355,14 @@ fn options_that_have_nothing_to_do_are_not_passed_over() {
     let output = run(folder.path(), "schedule dark.gltf --look watts.look -o lamps.csv");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(said.contains("as the look does, changes nothing"), "{said}");
+    let profile = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0\n1 1 50\n0 90\n0\n100 0\n";
+    std::fs::write(folder.path().join("a.ies"), profile).unwrap();
+    let warnings = |line: &str| {
+        let traced = format!("trace room.gltf --size 8x6 --spp 1 --unitless {line} -o a.exr");
+        answer(folder.path(), &traced)["warnings"].to_string()
+    };
+    assert!(warnings("--ies lamp=a.ies").contains("--unitless changes nothing"));
+    assert!(!warnings("").contains("--unitless changes nothing"));
 }
 
 #[test]
@@ -487,7 +495,7 @@ fn a_disk_that_fills_up_costs_nothing_but_time() {
     let reference = std::fs::read(folder.path().join("a.transport")).unwrap();
     std::fs::write(folder.path().join("b.transport"), b"the old file").unwrap();
     // Files may not grow beyond 16 blocks of 512 bytes (1024 in some shells).
-    let script = format!("trap '' XFSZ; ulimit -f 16; exec \"$0\" {SHORT_BAKE} b.transport");
+    let script = format!("ulimit -f 16; exec \"$0\" {SHORT_BAKE} b.transport");
     let mut limited = Command::new("sh");
     limited.current_dir(folder.path()).args(["-c", &script, env!("CARGO_BIN_EXE_clerestory")]);
     let output = limited.stdin(Stdio::null()).output().unwrap();
@@ -528,7 +536,7 @@ fn a_disk_without_room_keeps_every_kind_of_old_file() {
     let before = names_in(folder.path());
     for line in commands {
         // No file may grow at all.
-        let script = format!("trap '' XFSZ; ulimit -f 0; exec \"$0\" {line}");
+        let script = format!("ulimit -f 0; exec \"$0\" {line}");
         let mut limited = Command::new("sh");
         limited.current_dir(folder.path()).args(["-c", &script, env!("CARGO_BIN_EXE_clerestory")]);
         let output = limited.stdin(Stdio::null()).output().unwrap();
@@ -590,6 +598,19 @@ fn a_scene_never_makes_the_program_read_elsewhere() {
 /// What a command answers with `--json`.
 fn answer(folder: &Path, line: &str) -> serde_json::Value {
     serde_json::from_slice(&succeeds(folder, &format!("{line} --json")).stdout).unwrap()
+}
+
+#[test]
+fn the_time_of_a_preview_is_told_where_there_is_one() {
+    let folder = desk();
+    for (line, has_preview) in [
+        ("bake room.gltf --size 16x12 --spp 2 -o a.transport", true),
+        ("render room.gltf --size 16x12 --spp 2 -o a.png", false),
+        ("render room.gltf --size 16x12 --spp 2 --seconds 1 -o a.png", true),
+    ] {
+        let told = answer(folder.path(), line)["preview_secs"].clone();
+        assert_eq!((told.is_number(), told.is_null()), (has_preview, !has_preview), "{line}: {told}");
+    }
 }
 
 #[test]

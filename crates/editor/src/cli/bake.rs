@@ -35,8 +35,9 @@ use crate::words::columns_words;
 pub(crate) struct BakeTimes {
     /// From the start of the bake to its end.
     pub bake_secs: f64,
-    /// From the start of the command to the first whole picture.
+    /// From the start of the command to the first whole picture; none of a bake without a preview.
     pub preview_secs: Option<f64>,
+    has_preview: bool,
 }
 
 pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
@@ -282,7 +283,9 @@ where
 
 fn observe(event: BakeEvent, bar: &ProgressBar, times: &mut BakeTimes, console: &mut Console) {
     match event {
-        BakeEvent::PassDone { pass: 0, .. } => {
+        // What has one pass ends with it.
+        BakeEvent::Started { n_passes, .. } => times.has_preview = n_passes > 1,
+        BakeEvent::PassDone { pass: 0, .. } if times.has_preview => {
             times.preview_secs.get_or_insert(console.started.elapsed().as_secs_f64());
         }
         BakeEvent::Progress { done, secs_left, .. } => {

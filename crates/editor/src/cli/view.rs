@@ -228,7 +228,6 @@ pub(super) fn count_in_watts(
 
 /// What was asked for about the lamps of the file.
 fn change_lamps(scene: &mut Scene, args: &ViewArgs, console: &mut Console) -> Result<()> {
-    count_in_watts(scene, args.unitless, args.of_look.units, console);
     let radius_rad = args.sun_size.map(|degrees| (0.5 * degrees).to_radians());
     if radius_rad.is_some_and(|radius_rad| scene.set_sun_radius(radius_rad) == 0) {
         console.warn("--sun-size changes nothing: no lamp of the scene is directional");
@@ -241,6 +240,8 @@ fn change_lamps(scene: &mut Scene, args: &ViewArgs, console: &mut Console) -> Re
         assign_profile(scene, request, console)
             .with_context(|| format!("cannot give `{key}` the distribution of {}", file.display()))?;
     }
+    // Whose light comes from a profile counts in candela already.
+    count_in_watts(scene, args.unitless, args.of_look.units, console);
     Ok(())
 }
 

@@ -74,20 +74,16 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// Opens or creates the file; takes up its blocks if it belongs to the same bake. The lock is the operating system's:
-    /// it ends with the process that holds it.
+    /// Opens or creates the file; takes up its blocks if it belongs to the same bake, and starts over where it has none. The lock is the
+    /// operating system's: it ends with the process that holds it.
     pub fn open(path: &Path, header: BakeHeader, restart: Restart) -> Result<(Part, Done), ArchiveError> {
         let mut file = locked(path)?;
         let mut bytes = Vec::new();
         if restart == Restart::Resume {
             file.read_to_end(&mut bytes).map_err(at("cannot read", path))?;
         }
-        let (part, done, end) = match understood(&bytes, path)? {
-            Some((found, offset, seal)) => {
-                if let Some(difference) = difference(&found, &header) {
-                    return Err(ArchiveError::OtherBake { path: path.into(), difference });
-                }
-                let (done, end) = read_records(&bytes, offset, seal, &found);
+        let (part, done, end) = match begun(&bytes, path, &header)? {
+            Some((found, seal, done, end)) => {
                 (Part { path: path.into(), file, seal, header: Arc::new(found) }, done, end)
             }
             None => {
@@ -172,6 +168,25 @@ pub(super) fn understood(bytes: &[u8], path: &Path) -> Result<Option<(BakeHeader
     }
     let is_begun = MAGIC.starts_with(bytes) || OLD_MAGIC.starts_with(bytes);
     if is_begun { Ok(None) } else { Err(ArchiveError::InTheWay { path: path.into() }) }
+}
+
+/// What is there of the bake that is asked for: its header, how its records end, its blocks, and where they end. `None` where nothing is,
+/// and of another bake that was stopped before its first block.
+///
+/// # Errors
+/// If blocks of another bake are there, or the file is no half-done bake.
+fn begun(
+    bytes: &[u8],
+    path: &Path,
+    asked: &BakeHeader,
+) -> Result<Option<(BakeHeader, Seal, Done, usize)>, ArchiveError> {
+    let Some((found, offset, seal)) = understood(bytes, path)? else { return Ok(None) };
+    let (done, end) = read_records(bytes, offset, seal, &found);
+    match difference(&found, asked) {
+        None => Ok(Some((found, seal, done, end))),
+        Some(_) if done.is_empty() => Ok(None),
+        Some(difference) => Err(ArchiveError::OtherBake { path: path.into(), difference }),
+    }
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "blocks of a bake are counted in 32 bits")]

@@ -409,6 +409,24 @@ fn a_half_done_bake_of_another_method_is_not_taken_up() {
 }
 
 #[test]
+fn a_bake_that_was_stopped_before_its_first_block_is_in_the_way_of_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.transport.part");
+    let (header, blocks) = part_of_fixture(&path);
+    let mut finer = header.clone();
+    finer.config.spp *= 2;
+    let open = || Part::open(&path, finer.clone(), Restart::Resume);
+    assert!(matches!(open(), Err(ArchiveError::OtherBake { .. })));
+    fs::write(&path, header_bytes(b"CLERPAR2", &header, Blocks::Plain)).unwrap();
+    let (mut part, done) = open().unwrap();
+    assert!(done.is_empty());
+    part.append(0, &blocks[0]).unwrap();
+    drop(part);
+    let (_, done) = open().unwrap();
+    assert_eq!(done, [(0, blocks[0].clone())]);
+}
+
+#[test]
 fn a_half_done_bake_is_taken_up_whatever_another_machine_reckons_of_unlit_surfaces() {
     use crate::basis::SourceKind;
     let folder = tempfile::tempdir().unwrap();
