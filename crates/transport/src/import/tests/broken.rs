@@ -194,6 +194,33 @@ fn members_that_are_null_are_read_as_left_out() {
 }
 
 #[test]
+fn indices_of_minus_one_and_textures_without_an_index_are_read_as_left_out() {
+    let mut fixture = shows(&png_of(1, 1));
+    let material = &mut fixture.root["materials"][0];
+    material["normalTexture"] = json!({"index": -1, "scale": 1});
+    material["emissiveTexture"] = json!({"index": null, "texCoord": 0});
+    material["extensions"] = json!({
+        "KHR_materials_transmission": {"transmissionFactor": 1, "transmissionTexture": {"index": -1.0}},
+        "KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatTexture": {}},
+    });
+    fixture.root["images"][0]["uri"] = json!("");
+    fixture.root["textures"] = json!([{"source": 0, "sampler": -1}, {"source": -1}]);
+    fixture.root["samplers"] = json!([{"magFilter": -1, "minFilter": -1}]);
+    fixture.root["scene"] = json!(-1);
+    for key in ["mode", "indices"] {
+        fixture.primitive()[key] = json!(-1);
+    }
+    let nothing = json!({"KHR_lights_punctual": {"light": -1}});
+    let imported = fixture.node(json!({"camera": -1, "skin": -1, "extensions": nothing})).load();
+    assert_eq!(imported.report.warnings, Vec::<String>::new());
+    let (scene, mut material) = (&imported.scene, imported.scene.materials[0].clone());
+    assert_eq!(material.texture_slots().into_iter().flatten().count(), 1, "{material:?}");
+    assert_eq!(material.finish.as_ref().map(|finish| finish.clearcoat), Some(1.0));
+    assert_eq!(scene.textures[0].image.texels, [[9, 8, 7, 255]]);
+    assert_eq!((scene.mesh.triangles.len(), scene.punctual.len()), (1, 0));
+}
+
+#[test]
 fn a_file_that_states_no_version_is_told_so() {
     for text in [r#"{"nodes": []}"#, r#"{"asset": {"version": 2.0}}"#, r#"{"asset": {"version": null}}"#] {
         let error = load_bytes("none.gltf", text.as_bytes()).expect_err("refused");
