@@ -227,8 +227,10 @@ fn a_node_that_its_scene_names_before_the_one_above_it_stands_below_that() {
     let mut fixture = Fixture::triangle();
     fixture.root["nodes"] = json!([{"mesh": 0}, {"children": [0], "translation": [5, 0, 0]}]);
     fixture.root["scenes"] = json!([{"nodes": [0, 1]}]);
-    let scene = fixture.load().scene;
-    assert_eq!((scene.mesh.triangles.len(), scene.mesh.corners(0)[0]), (1, Vec3::X * 5.0));
+    let imported = fixture.load();
+    let mesh = &imported.scene.mesh;
+    assert_eq!((mesh.triangles.len(), mesh.corners(0)[0]), (1, Vec3::X * 5.0));
+    assert_eq!(imported.report.warnings, Vec::<String>::new());
 }
 
 #[test]
