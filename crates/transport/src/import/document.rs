@@ -308,7 +308,19 @@ pub(super) fn size(value: USize64) -> usize {
 /// A name for a report line: quoted if the file has one, else the index.
 pub(super) fn called(kind: &str, index: usize, name: Option<&String>) -> String {
     match name.filter(|name| !name.is_empty()) {
-        Some(name) => format!("{kind} \"{name}\""),
+        Some(name) => format!("{kind} {}", shown(name)),
         None => format!("{kind} {index}"),
     }
+}
+
+/// Most letters of a name that a message has.
+const MOST_SHOWN: usize = 120;
+
+/// A name in quotes as messages have it: on one line, and of a long one the beginning.
+pub(super) fn shown(name: &str) -> String {
+    let (beginning, more) = match name.char_indices().nth(MOST_SHOWN) {
+        Some((end, _)) => (&name[..end], "…"),
+        None => (name, ""),
+    };
+    format!("\"{}\"{more}", beginning.replace(char::is_control, " "))
 }

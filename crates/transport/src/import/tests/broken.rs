@@ -438,6 +438,21 @@ fn names_in_another_encoding_are_told_and_hinder_nothing() {
 }
 
 #[test]
+fn names_are_told_on_one_line_and_of_long_ones_the_beginning() {
+    let (long, beginning) = ("ä".repeat(70_000), format!("{}\"…", "ä".repeat(120)));
+    let plain = "24\" \\ Ku\u{308}che";
+    let quoted = format!("{plain}\"");
+    for (name, told) in
+        [("North\r\nwall", "North  wall\""), (plain, quoted.as_str()), (long.as_str(), beginning.as_str())]
+    {
+        let mut fixture = Fixture::triangle().node(json!({"name": name}));
+        fixture.primitive()["mode"] = json!(0);
+        let report = fixture.load().report;
+        assert_eq!(report.unsupported, [format!("node \"{told}: points and lines are left out")]);
+    }
+}
+
+#[test]
 fn a_list_with_a_number_that_is_none_is_left_out_and_named() {
     let mut fixture = Fixture::triangle().node(json!({"translation": [null, 1, 2], "scale": [2, 2, 2]}));
     fixture.root["accessors"][0]["min"] = json!([null, 0, 0]);
