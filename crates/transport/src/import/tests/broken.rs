@@ -287,6 +287,19 @@ fn a_missing_buffer_is_named() {
 }
 
 #[test]
+fn a_missing_buffer_without_geometry_costs_what_lies_in_it_alone() {
+    let mut fixture = shows(&png_of(1, 1));
+    let view = fixture.root["images"][0]["bufferView"].as_u64().expect("a view") as usize;
+    fixture.root["bufferViews"][view] = json!({"buffer": 1, "byteLength": 9});
+    fixture.root["buffers"] = json!([{}, {"byteLength": 9, "uri": "maps.bin"}]);
+    let imported = fixture.load();
+    assert_eq!(imported.scene.mesh.triangles.len(), 1);
+    let [buffer, image] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
+    assert!(buffer.starts_with("buffer 1: ") && buffer.contains("maps.bin"), "{buffer}");
+    assert!(image.contains("a checkerboard is shown"), "{image}");
+}
+
+#[test]
 fn cycles_shared_children_and_long_chains_end() {
     let mut fixture = Fixture::triangle();
     fixture.root["nodes"] = json!([{"mesh": 0, "children": [1, 1]}, {"mesh": 0, "children": [0]}]);
