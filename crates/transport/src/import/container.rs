@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use gltf::binary::{self, ChunkType, Glb};
 use gltf::json::Root;
 use gltf::json::buffer::View;
+use gltf::json::mesh::MorphTarget;
 use rayon::prelude::*;
 
 use super::ImportError;
@@ -112,10 +113,10 @@ pub(super) struct Buffers<'a> {
 type Decoded = (Vec<u8>, usize);
 
 impl<'a> Buffers<'a> {
-    /// Fetches every buffer that a buffer view refers to.
+    /// Fetches every buffer that a buffer view refers to. One that cannot be had and holds no geometry is empty, with a line in `notes`.
     ///
     /// # Errors
-    /// When one of them cannot be had: without it there is no geometry.
+    /// When one that geometry needs cannot be had.
     pub fn fetch(
         name: &str,
         document: &'a Root,
@@ -124,6 +125,7 @@ impl<'a> Buffers<'a> {
         notes: &mut Notes,
     ) -> Result<Self, ImportError> {
         let compressed: Vec<_> = document.buffer_views.iter().map(Compressed::of).collect();
+        let of_geometry = views_of_geometry(document);
         let mut buffers = Vec::with_capacity(document.buffers.len());
         for (index, buffer) in document.buffers.iter().enumerate() {
             let content = match (&buffer.uri, bin) {
@@ -131,11 +133,13 @@ impl<'a> Buffers<'a> {
                 (None, Some(bin)) if index == 0 => Ok(Cow::Borrowed(bin)),
                 (None, _) => Err("it has neither a URI nor a binary chunk".to_owned()),
             };
-            let needed = document.buffer_views.iter().zip(&compressed).any(|(view, compressed)| match compressed {
+            let refers = |(view, compressed): (&View, &Option<Result<Compressed, String>>)| match compressed {
                 Some(Ok(compressed)) => compressed.buffer == index,
                 Some(Err(_)) => false,
                 None => view.buffer.value() == index,
-            });
+            };
+            let views = || document.buffer_views.iter().zip(&compressed);
+            let is_needed = views().zip(&of_geometry).any(|(view, of_geometry)| *of_geometry && refers(view));
             match content {
                 Ok(content) => {
                     if content.len() < size(buffer.byte_length) {
@@ -146,10 +150,15 @@ impl<'a> Buffers<'a> {
                     }
                     buffers.push(content);
                 }
-                Err(reason) if needed => {
+                Err(reason) if is_needed => {
                     return Err(ImportError::Buffer { name: name.to_owned(), index, reason });
                 }
-                Err(_) => buffers.push(Cow::Borrowed(&[])),
+                Err(reason) => {
+                    if views().any(refers) {
+                        notes.warn(format!("buffer {index}: {reason}: what lies in it is left out"));
+                    }
+                    buffers.push(Cow::Borrowed(&[]));
+                }
             }
         }
         let decoded = decode(&buffers, compressed, &locator.stop);
@@ -181,6 +190,25 @@ impl<'a> Buffers<'a> {
             .ok_or_else(|| format!("buffer view {index} reaches beyond the end of its buffer"))?;
         Ok((bytes, view.byte_stride.map(|stride| stride.0)))
     }
+}
+
+/// Whether each buffer view holds vertices of a mesh or their indices.
+fn views_of_geometry(document: &Root) -> Vec<bool> {
+    let accessors = document.meshes.iter().flat_map(|mesh| &mesh.primitives).flat_map(|primitive| {
+        let of_target = |target: &MorphTarget| [target.positions, target.normals, target.tangents];
+        let targets = primitive.targets.iter().flatten().flat_map(of_target).flatten();
+        primitive.attributes.values().copied().chain(primitive.indices).chain(targets)
+    });
+    let mut of_geometry = vec![false; document.buffer_views.len()];
+    for accessor in accessors.filter_map(|index| document.get(index)) {
+        let sparse = accessor.sparse.iter().flat_map(|sparse| [sparse.indices.buffer_view, sparse.values.buffer_view]);
+        for view in accessor.buffer_view.into_iter().chain(sparse) {
+            if let Some(of_geometry) = of_geometry.get_mut(view.value()) {
+                *of_geometry = true;
+            }
+        }
+    }
+    of_geometry
 }
 
 /// Decodes compressed views, in parallel.

@@ -61,6 +61,27 @@ const DEMANDED: &[(&[&str], &str, &str)] = &[
     (&["scenes"], "nodes", "[]"),
 ];
 
+/// Members that hold an index or the number of a choice, of which some programs write −1 where there is none.
+const NUMBERED: &[&str] = &[
+    "bufferView",
+    "camera",
+    "index",
+    "indices",
+    "inverseBindMatrices",
+    "light",
+    "magFilter",
+    "material",
+    "mesh",
+    "mode",
+    "sampler",
+    "scene",
+    "skin",
+    "source",
+    "texCoord",
+    "wrapS",
+    "wrapT",
+];
+
 /// The extension that has lamps.
 const LAMPS: &str = "KHR_lights_punctual";
 
@@ -116,8 +137,8 @@ fn is_readable(min_version: &str) -> bool {
     matches!(parts, Some((Ok(major), Ok(minor))) if (major, minor) <= (2, 0))
 }
 
-/// Takes members that are `null` from all objects but extras, for nothing in glTF is said by that, and lists of numbers with a `null`
-/// among them, which it names. Writes whole numbers as such.
+/// Takes members that say nothing from all objects but extras, and lists of numbers with a `null` among them, which it names. Writes
+/// whole numbers as such.
 fn tidy(value: &mut Value, broken_lists: &mut BTreeSet<String>) {
     match value {
         Value::Array(items) => items.iter_mut().for_each(|item| tidy(item, broken_lists)),
@@ -128,7 +149,7 @@ fn tidy(value: &mut Value, broken_lists: &mut BTreeSet<String>) {
                 if is_broken && !["min", "max"].contains(&key.as_str()) {
                     broken_lists.insert(key.clone());
                 }
-                !is_broken && !member.is_null()
+                !is_broken && !says_nothing(key, member)
             });
             let read = members.iter_mut().filter(|(key, _)| *key != "extras");
             read.for_each(|(_, member)| tidy(member, broken_lists));
@@ -140,6 +161,12 @@ fn tidy(value: &mut Value, broken_lists: &mut BTreeSet<String>) {
         }
         _ => {}
     }
+}
+
+/// Whether a member is there and yet says nothing in glTF: `null`, an index of −1, an empty address.
+fn says_nothing(key: &str, member: &Value) -> bool {
+    let is_no_index = || NUMBERED.contains(&key) && member.as_f64() == Some(-1.0);
+    member.is_null() || is_no_index() || (key == "uri" && member.as_str() == Some(""))
 }
 
 /// Whether of a list of numbers some are none.
@@ -200,6 +227,18 @@ fn mend(root: &mut Value) {
         each_object(root, path, &mut |members| {
             members.entry(*name).or_insert_with(|| stand_in.clone());
         });
+    }
+    each_object(root, &["materials"], &mut forget_uses_of_nothing);
+    each_object(root, &["nodes", "extensions"], &mut |members| {
+        members.retain(|key, member| key != LAMPS || member.get("light").is_some());
+    });
+}
+
+/// Takes uses of textures that name none from a material and all that is part of it.
+fn forget_uses_of_nothing(members: &mut Map<String, Value>) {
+    members.retain(|key, member| !(key.ends_with("Texture") && member.is_object() && member.get("index").is_none()));
+    for (_, member) in members.iter_mut().filter(|(key, _)| *key != "extras") {
+        each_object(member, &[], &mut forget_uses_of_nothing);
     }
 }
 
@@ -269,7 +308,19 @@ pub(super) fn size(value: USize64) -> usize {
 /// A name for a report line: quoted if the file has one, else the index.
 pub(super) fn called(kind: &str, index: usize, name: Option<&String>) -> String {
     match name.filter(|name| !name.is_empty()) {
-        Some(name) => format!("{kind} \"{name}\""),
+        Some(name) => format!("{kind} {}", shown(name)),
         None => format!("{kind} {index}"),
     }
+}
+
+/// Most letters of a name that a message has.
+const MOST_SHOWN: usize = 120;
+
+/// A name in quotes as messages have it: on one line, and of a long one the beginning.
+pub(super) fn shown(name: &str) -> String {
+    let (beginning, more) = match name.char_indices().nth(MOST_SHOWN) {
+        Some((end, _)) => (&name[..end], "…"),
+        None => (name, ""),
+    };
+    format!("\"{}\"{more}", beginning.replace(char::is_control, " "))
 }

@@ -3,6 +3,7 @@
 use gltf::json::{Material, Root};
 
 use super::ImportError;
+use super::document::shown;
 use super::report::Notes;
 use super::variants::{VARIANTS, names};
 
@@ -103,7 +104,7 @@ pub(super) fn check(name: &str, document: &Root, has_variant: bool, notes: &mut 
 
 /// `, not those of "a", "b" and 3 more`, or nothing if the file names no variants.
 fn variants(document: &Root) -> String {
-    let names: Vec<String> = names(document).into_iter().map(|name| format!("\"{name}\"")).collect();
+    let names: Vec<String> = names(document).into_iter().map(|name| shown(&name)).collect();
     match names.len() {
         0 => String::new(),
         1..=4 => format!(", not those of {}", names.join(", ")),
@@ -114,7 +115,7 @@ fn variants(document: &Root) -> String {
 /// ` (materials "a", "b" and 3 more)`, or nothing if no material uses the extension.
 fn users(document: &Root, extension: &str) -> String {
     let named = |(index, material): (usize, &Material)| match &material.name {
-        Some(name) if !name.is_empty() => format!("\"{name}\""),
+        Some(name) if !name.is_empty() => shown(name),
         _ => index.to_string(),
     };
     let users: Vec<String> = document

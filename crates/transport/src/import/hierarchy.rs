@@ -61,7 +61,10 @@ pub(super) fn place(document: &Root, notes: &mut Notes) -> Vec<PlacedNode> {
         };
         let name = called("node", index, node.name.as_ref());
         if std::mem::replace(&mut visited[index], true) {
-            notes.warn(format!("{name} has two parents or is its own ancestor: it is shown once"));
+            // A scene may name what stands below others, too.
+            if above.parent.is_some() {
+                notes.warn(format!("{name} has two parents or is its own ancestor: it is shown once"));
+            }
             continue;
         }
         let world_from_node = above.world_from_parent * local_transform(node);

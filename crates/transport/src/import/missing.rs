@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 
 use glam::Vec3;
 
+use super::document::shown;
 use super::report::Notes;
 use crate::scene::{Finish, Material, TextureRef};
 
@@ -34,7 +35,7 @@ pub(super) fn leave_out(materials: &mut [Material], missing: &BTreeSet<u32>, not
 pub(super) fn called(material: &Material) -> String {
     match material.name.as_str() {
         "" => "a material without a name".to_owned(),
-        name => format!("material \"{name}\""),
+        name => format!("material {}", shown(name)),
     }
 }
 

@@ -72,6 +72,8 @@ pub use profiles::{SUBSTITUTE_CD, read_profile};
 pub use report::ImportReport;
 pub use uri::named_file;
 
+use crate::basis::KeyMaker;
+use crate::camera::Camera;
 use crate::emitters::lamp_keys;
 use crate::scene::{Scene, SceneNode};
 use crate::skips::{Skip, Skips};
@@ -375,7 +377,7 @@ fn add_nodes(
     notes: &mut Notes,
 ) -> (Vec<Option<u32>>, Vec<usize>) {
     let (mut indices, mut ranged) = (Vec::with_capacity(placed.len()), Vec::new());
-    let names = Names::new(document);
+    let (names, mut camera_names) = (Names::new(document), KeyMaker::default());
     let (ancestors, places) = names::ancestors(document, placed);
     scene.ancestors = ancestors;
     for placed in placed {
@@ -426,9 +428,12 @@ fn add_nodes(
         });
         #[expect(clippy::arithmetic_side_effects, reason = "a count of cameras in memory")]
         let number = scene.cameras.len() + 1;
-        scene.cameras.extend(
-            node.camera.and_then(|camera| cameras::camera(document, camera, placed, node.name.as_ref(), number, notes)),
-        );
+        let camera =
+            node.camera.and_then(|camera| cameras::camera(document, camera, placed, node.name.as_ref(), number, notes));
+        // Several nodes may show one camera of the file.
+        let named_apart =
+            |camera: Camera| Camera { name: camera_names.key(Some(&camera.name), index as u32), ..camera };
+        scene.cameras.extend(camera.map(named_apart));
         indices.push(Some(node_idx));
     }
     (indices, ranged)

@@ -10,13 +10,12 @@ use std::sync::{Mutex, PoisonError};
 
 use serde_json::Value;
 
+use super::document::shown;
 use super::files::read_until;
 use crate::stop::Stop;
 
 /// Most bytes of all files beside a glTF together; one that is named twice counts twice.
 const MAX_BYTES: u64 = 8 << 30;
-/// Most letters of a name that a message has.
-const MOST_SHOWN: usize = 120;
 
 /// Finds what a `uri` of the file names.
 pub(super) struct Locator {
@@ -147,14 +146,6 @@ pub(super) fn data(uri: &str) -> Option<&str> {
     uri.split_once(':').filter(|(scheme, _)| scheme.eq_ignore_ascii_case("data")).map(|(_, rest)| rest)
 }
 
-/// A name in quotes as messages have it: of a long one the beginning.
-fn shown(name: &str) -> String {
-    match name.char_indices().nth(MOST_SHOWN) {
-        Some((end, _)) => format!("{:?}…", &name[..end]),
-        None => format!("{name:?}"),
-    }
-}
-
 /// Whether a URI says by what means it is to be had; a drive of Windows looks alike.
 fn has_scheme(uri: &str) -> bool {
     let is_part = |c: char| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.');
@@ -264,6 +255,10 @@ mod tests {
             let told = locator.fetch(&format!("{start}{}", "ä".repeat(1 << 16))).unwrap_err();
             assert!(told.chars().count() < 250, "{told}");
         }
+        // Letters of two characters, as a Mac has them, and of other scripts.
+        let name = "Ku\u{308}che \u{e01}\u{e31}.bin";
+        let told = locator.fetch(name).unwrap_err();
+        assert!(told.contains(&format!("\"{name}\"")), "{told}");
     }
 
     #[test]

@@ -194,6 +194,33 @@ fn members_that_are_null_are_read_as_left_out() {
 }
 
 #[test]
+fn indices_of_minus_one_and_textures_without_an_index_are_read_as_left_out() {
+    let mut fixture = shows(&png_of(1, 1));
+    let material = &mut fixture.root["materials"][0];
+    material["normalTexture"] = json!({"index": -1, "scale": 1});
+    material["emissiveTexture"] = json!({"index": null, "texCoord": 0});
+    material["extensions"] = json!({
+        "KHR_materials_transmission": {"transmissionFactor": 1, "transmissionTexture": {"index": -1.0}},
+        "KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatTexture": {}},
+    });
+    fixture.root["images"][0]["uri"] = json!("");
+    fixture.root["textures"] = json!([{"source": 0, "sampler": -1}, {"source": -1}]);
+    fixture.root["samplers"] = json!([{"magFilter": -1, "minFilter": -1}]);
+    fixture.root["scene"] = json!(-1);
+    for key in ["mode", "indices"] {
+        fixture.primitive()[key] = json!(-1);
+    }
+    let nothing = json!({"KHR_lights_punctual": {"light": -1}});
+    let imported = fixture.node(json!({"camera": -1, "skin": -1, "extensions": nothing})).load();
+    assert_eq!(imported.report.warnings, Vec::<String>::new());
+    let (scene, mut material) = (&imported.scene, imported.scene.materials[0].clone());
+    assert_eq!(material.texture_slots().into_iter().flatten().count(), 1, "{material:?}");
+    assert_eq!(material.finish.as_ref().map(|finish| finish.clearcoat), Some(1.0));
+    assert_eq!(scene.textures[0].image.texels, [[9, 8, 7, 255]]);
+    assert_eq!((scene.mesh.triangles.len(), scene.punctual.len()), (1, 0));
+}
+
+#[test]
 fn a_file_that_states_no_version_is_told_so() {
     for text in [r#"{"nodes": []}"#, r#"{"asset": {"version": 2.0}}"#, r#"{"asset": {"version": null}}"#] {
         let error = load_bytes("none.gltf", text.as_bytes()).expect_err("refused");
@@ -257,6 +284,19 @@ fn a_missing_buffer_is_named() {
     let bytes = serde_json::to_vec(&fixture.root).expect("plain JSON");
     let error = load_bytes("alone.gltf", &bytes).expect_err("refused");
     assert!(error.to_string().contains("there is none.bin"), "{error}");
+}
+
+#[test]
+fn a_missing_buffer_without_geometry_costs_what_lies_in_it_alone() {
+    let mut fixture = shows(&png_of(1, 1));
+    let view = fixture.root["images"][0]["bufferView"].as_u64().expect("a view") as usize;
+    fixture.root["bufferViews"][view] = json!({"buffer": 1, "byteLength": 9});
+    fixture.root["buffers"] = json!([{}, {"byteLength": 9, "uri": "maps.bin"}]);
+    let imported = fixture.load();
+    assert_eq!(imported.scene.mesh.triangles.len(), 1);
+    let [buffer, image] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
+    assert!(buffer.starts_with("buffer 1: ") && buffer.contains("maps.bin"), "{buffer}");
+    assert!(image.contains("a checkerboard is shown"), "{image}");
 }
 
 #[test]
@@ -408,6 +448,21 @@ fn names_in_another_encoding_are_told_and_hinder_nothing() {
     let imported = load_bytes("old.gltf", &text).expect("sound but for a letter");
     assert_eq!(imported.scene.nodes[0].name.as_deref(), Some("T\u{FFFD}r"));
     assert!(imported.report.warnings[0].contains("UTF-8"), "{:?}", imported.report.warnings);
+}
+
+#[test]
+fn names_are_told_on_one_line_and_of_long_ones_the_beginning() {
+    let (long, beginning) = ("ä".repeat(70_000), format!("{}\"…", "ä".repeat(120)));
+    let plain = "24\" \\ Ku\u{308}che";
+    let quoted = format!("{plain}\"");
+    for (name, told) in
+        [("North\r\nwall", "North  wall\""), (plain, quoted.as_str()), (long.as_str(), beginning.as_str())]
+    {
+        let mut fixture = Fixture::triangle().node(json!({"name": name}));
+        fixture.primitive()["mode"] = json!(0);
+        let report = fixture.load().report;
+        assert_eq!(report.unsupported, [format!("node \"{told}: points and lines are left out")]);
+    }
 }
 
 #[test]

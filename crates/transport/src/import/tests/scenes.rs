@@ -187,6 +187,21 @@ fn cameras_keep_rotation_and_place_alone() {
 }
 
 #[test]
+fn cameras_of_one_name_are_told_apart() {
+    let mut fixture = Fixture::triangle();
+    let perspective = json!({"yfov": 0.8, "znear": 1});
+    fixture.root["cameras"] = json!([{"type": "perspective", "name": "eye", "perspective": perspective},
+        {"type": "perspective", "perspective": perspective}]);
+    fixture.root["nodes"] = json!([{"camera": 0}, {"camera": 0, "name": "door", "translation": [0, 0, 5]},
+        {"camera": 1, "name": "eye"}, {"camera": 1}, {"mesh": 0}]);
+    fixture.root["scenes"][0]["nodes"] = json!([0, 1, 2, 3, 4]);
+    let cameras = fixture.load().scene.cameras;
+    let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
+    assert_eq!(names, ["eye", "eye#2", "eye#3", "camera 4"]);
+    assert_eq!(Camera::named(&cameras, "eye#2").map(Camera::position), Some(Vec3::Z * 5.0));
+}
+
+#[test]
 fn scenes_are_chosen_as_gltf_says() {
     let triangle = || {
         let mut fixture = Fixture::triangle();
@@ -212,8 +227,10 @@ fn a_node_that_its_scene_names_before_the_one_above_it_stands_below_that() {
     let mut fixture = Fixture::triangle();
     fixture.root["nodes"] = json!([{"mesh": 0}, {"children": [0], "translation": [5, 0, 0]}]);
     fixture.root["scenes"] = json!([{"nodes": [0, 1]}]);
-    let scene = fixture.load().scene;
-    assert_eq!((scene.mesh.triangles.len(), scene.mesh.corners(0)[0]), (1, Vec3::X * 5.0));
+    let imported = fixture.load();
+    let mesh = &imported.scene.mesh;
+    assert_eq!((mesh.triangles.len(), mesh.corners(0)[0]), (1, Vec3::X * 5.0));
+    assert_eq!(imported.report.warnings, Vec::<String>::new());
 }
 
 #[test]
