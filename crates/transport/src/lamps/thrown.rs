@@ -18,6 +18,7 @@ use crate::photometry::PhotometricProfile;
 use crate::prepared::PreparedScene;
 use crate::sampler::{cosine_around, uniform_sphere};
 use crate::scene::{PunctualKind, PunctualLight};
+use crate::slabs::most_in_a_row;
 
 /// Rays from a lamp.
 const BEAMS: u32 = 512;
@@ -25,30 +26,42 @@ const BEAMS: u32 = 512;
 const CANDIDATES: u32 = 16 * BEAMS;
 
 impl PreparedLamps {
-    /// One RGB coefficient per column of patches, see [`Patches::coefficients`].
-    pub fn light_on_patches(&self, scene: &PreparedScene, patches: &Patches) -> Vec<[f32; 3]> {
-        patches.coefficients_of(&self.irradiance_of_patches(scene, patches))
+    /// One RGB coefficient per column of patches, see [`Patches::coefficients`]. Faces of solid panes before a patch count as `bounces`,
+    /// of which there is no limit by `None`.
+    pub fn light_on_patches(&self, scene: &PreparedScene, patches: &Patches, bounces: Option<u32>) -> Vec<[f32; 3]> {
+        patches.coefficients_of(&self.irradiance_of_patches(scene, patches, bounces))
     }
 
     /// Mean irradiance of each patch, lux per channel, light of each direction times [`PatchSample::response`].
-    pub(crate) fn irradiance_of_patches(&self, scene: &PreparedScene, patches: &Patches) -> Vec<Vec3> {
-        let Some(layout) = patches.layout() else { return patches.irradiance(&|at| self.light_on(scene, at)) };
-        let mut irradiance = patches.irradiance(&|at| self.far_light_on(scene, at));
+    pub(crate) fn irradiance_of_patches(
+        &self,
+        scene: &PreparedScene,
+        patches: &Patches,
+        bounces: Option<u32>,
+    ) -> Vec<Vec3> {
+        // A patch is one bounce beyond the surface that is seen.
+        let most_slabs = most_in_a_row(bounces.unwrap_or(u32::MAX).saturating_sub(1));
+        let Some(layout) = patches.layout() else {
+            return patches.irradiance(&|at| self.light_on(scene, at, most_slabs));
+        };
+        let mut irradiance = patches.irradiance(&|at| self.far_light_on(scene, at, most_slabs));
         for lamp in self.lamps() {
             if layout.is_close(|place| lamp.lamp.apart_m(place)) {
                 let beams = lamp.beams(scene.extent());
                 let apart = |place| lamp.lamp.apart_m(place);
-                layout.receive(scene, &beams, apart, |patch| patches.samples_of(patch), &mut irradiance);
+                let samples_of = |patch| patches.samples_of(patch);
+                layout.receive(scene, (&beams, most_slabs), apart, samples_of, &mut irradiance);
             }
         }
         irradiance
     }
 
     /// [`PreparedLamps::light_on`] without what lamps throw on patches close by.
-    fn far_light_on(&self, scene: &PreparedScene, sample: &PatchSample) -> Vec3 {
+    fn far_light_on(&self, scene: &PreparedScene, sample: &PatchSample, most_slabs: usize) -> Vec3 {
         let share = |lamp: &PreparedLamp| sample.far_share(lamp.lamp.apart_m(sample.position));
         let lamps = self.lamps().iter().map(|lamp| (lamp, share(lamp)));
-        lamps.filter(|(_, share)| *share > 0.0).map(|(lamp, share)| lamp.light_on(scene, sample) * share).sum()
+        let lit = lamps.filter(|(_, share)| *share > 0.0);
+        lit.map(|(lamp, share)| lamp.light_on(scene, sample, most_slabs) * share).sum()
     }
 }
 
