@@ -10,12 +10,12 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 
 use super::body::{Body, in_cone};
-use super::light::{Form, Lamp, POINT_RADIUS_M};
+use super::light::{Form, Lamp, closest_m};
 use super::prepared::{PreparedLamp, PreparedLamps, lattice, leaving};
 use crate::emitters::punctual_falloff;
 use crate::patches::{Beam, PatchSample, Patches};
 use crate::photometry::PhotometricProfile;
-use crate::prepared::PreparedScene;
+use crate::prepared::{PreparedScene, beyond};
 use crate::sampler::{cosine_around, uniform_sphere};
 use crate::scene::{PunctualKind, PunctualLight};
 use crate::slabs::most_in_a_row;
@@ -74,8 +74,8 @@ impl PreparedLamp {
         };
         match &self.lamp.form {
             Form::Point { light, profile, .. } => {
-                let rays = of_point(light, profile.as_deref());
-                rays.into_iter().map(|(along, flux)| beam((light.position, along, flux), POINT_RADIUS_M)).collect()
+                let (rays, least_m) = (of_point(light, profile.as_deref()), closest_m(beyond(extent)));
+                rays.into_iter().map(|(along, flux)| beam((light.position, along, flux), least_m)).collect()
             }
             Form::Distant { .. } => Vec::new(),
             Form::Body(body) => {

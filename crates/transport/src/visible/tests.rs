@@ -388,6 +388,24 @@ fn a_point_lamp_over_a_floor_follows_cosine_and_inverse_square() {
 }
 
 #[test]
+fn a_model_of_centimeters_is_lit_as_the_room_is() {
+    let mut model = room().into_scene();
+    model.mesh.positions.iter_mut().for_each(|position| *position *= 0.01);
+    let camera = &mut model.cameras[0];
+    camera.world_from_camera.w_axis = (0.01 * camera.position()).extend(1.0);
+    let (large, small) = (room().prepared(), PreparedScene::new(model, &[]).expect("it has no panels").0);
+    for shape in [LampShape::Point, LampShape::Spot { inner_rad: 0.3, outer_rad: 0.7 }] {
+        let light = |scene: &PreparedScene, scale: f32| {
+            let (place, candela) = (Vec3::new(0.6, 0.05, 1.0) * scale, 100.0 * scale * scale);
+            let lamps = prepared(&[lamp(shape.clone(), place, candela, LampUnit::Candela)]);
+            live(scene, &lamps, FILM, 16, 0).as_flattened().iter().sum::<f32>()
+        };
+        let (found, expected) = (light(&small, 0.01), light(&large, 1.0));
+        assert!((found / expected - 1.0).abs() < 0.01, "{shape:?}: {found} is not {expected}");
+    }
+}
+
+#[test]
 fn lamps_far_away_light_a_floor_as_cosine_and_inverse_square_have_it() {
     let camera = Camera::look_at("eye", Vec3::new(0.0, 0.8, 0.0), Vec3::ZERO, 1.0, 1.0);
     let floor = quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0);
