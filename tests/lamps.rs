@@ -351,7 +351,8 @@ impl Baked {
         let header = &self.bake.header;
         let mut coefficients = header.coefficients(&LightRig::default());
         coefficients.iter_mut().flatten().for_each(|rgb| *rgb = [0.0; 3]);
-        *coefficients.last_mut().unwrap() = lamps.light_on_patches(&self.scene, header.patches.as_ref().unwrap());
+        let (patches, bounces) = (header.patches.as_ref().unwrap(), header.config.bounces);
+        *coefficients.last_mut().unwrap() = lamps.light_on_patches(&self.scene, patches, bounces);
         let mut indirect = Radiance::default();
         self.relighter.relight(&coefficients, &mut indirect).unwrap();
         indirect.pixels.into_flattened()

@@ -36,8 +36,8 @@ pub struct AddedLux {
 impl AddedLux {
     /// Of lamps for points that no pixel sees.
     pub fn of_lamps(bake: &Bake, scene: Arc<PreparedScene>, lamps: PreparedLamps) -> AddedLux {
-        let patches = bake.header.patches.as_ref();
-        let of_patches = patches.map_or_else(Vec::new, |patches| lamps.light_on_patches(&scene, patches));
+        let (patches, bounces) = (bake.header.patches.as_ref(), bake.header.config.bounces);
+        let of_patches = patches.map_or_else(Vec::new, |patches| lamps.light_on_patches(&scene, patches, bounces));
         AddedLux { of_patches, straight: None, lamps: Some((scene, lamps)) }
     }
 }

@@ -88,8 +88,9 @@ const N_COS: u32 = 32u;
 const N_ROUGHNESS: u32 = 24u;
 // Directions so little outside of a measured distribution are within, radians.
 const SLACK: f32 = 1e-4;
-// A lamp without size has this one next to it, m².
-const POINT_SQUARE: f32 = 1e-4;
+// A lamp without size has this one next to it, m, and no larger one over a distance beyond everything.
+const POINT_RADIUS: f32 = 0.01;
+const POINT_OF_FAR: f32 = 1e-3;
 // Least height over a flat lamp close by, per distance, and least angle that it fills, sr: numbers of the device tell no less.
 const LEAST_HEIGHT: f32 = 0.02;
 const LEAST_ANGLE: f32 = 1e-3;
@@ -301,7 +302,8 @@ fn sent_from(on_lamp: LampPoint, place: vec3f) -> Sent {
         let t = clamp((lamp.rim - 0.5 * dot(aside, aside)) * lamp.per_cos, 0.0, 1.0);
         falloff = t * t;
     }
-    return Sent(wi, falloff / max(square, POINT_SQUARE), toward, select(0u, 1u, falloff > 0.0));
+    let closest = min(POINT_RADIUS, POINT_OF_FAR * lamp.far);
+    return Sent(wi, falloff / max(square, closest * closest), toward, select(0u, 1u, falloff > 0.0));
 }
 
 // Angles of cosines, to the last bits: devices' own may be off by thousands of them. [Abramowitz1964, 4.4.46]

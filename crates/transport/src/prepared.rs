@@ -628,7 +628,7 @@ impl PreparedScene {
 
     /// A distance from anything within to beyond everything, m.
     pub(crate) fn far(&self) -> f32 {
-        if self.extent.is_finite() { 4.0 * self.extent.max(1e-6) } else { 1.0 }
+        beyond(self.extent)
     }
 
     /// Diagonal of all surfaces, m; infinite where there are none.
@@ -645,6 +645,11 @@ impl PreparedScene {
 /// Whether rays that light goes along meet a surface wherever they come to it, and need not ask for its alpha.
 fn is_never_asked(material: &Material, is_clear_pane: bool) -> bool {
     material.alpha == AlphaMode::Opaque && !material.unlit && !is_clear_pane
+}
+
+/// A distance from anything within a scene with such a diagonal to beyond everything, m.
+pub(crate) fn beyond(extent: f32) -> f32 {
+    if extent.is_finite() { 4.0 * extent.max(1e-6) } else { 1.0 }
 }
 
 /// Barycentric coordinates of all three vertices.

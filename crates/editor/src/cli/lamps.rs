@@ -162,7 +162,7 @@ impl LampLight {
         let direct = direct(&scene, &camera, (film, narrow_alpha, bounces), &each, n_samples);
         let of_patches = |lamps: &PreparedLamps| {
             let patches = bake.header.patches.as_ref();
-            patches.map_or_else(Vec::new, |patches| lamps.light_on_patches(&scene, patches))
+            patches.map_or_else(Vec::new, |patches| lamps.light_on_patches(&scene, patches, bounces))
         };
         let measured = match arriving {
             Arriving::Left => vec![None; each.len()],

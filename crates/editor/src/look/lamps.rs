@@ -39,7 +39,7 @@ pub const TYPES: [&str; 7] = ["point", "spot", "rectangle", "disk", "sphere", "d
 
 /// Where a lamp that shines all around is said to aim, so that equal lamps are equal.
 pub fn below(position: Vec3) -> Vec3 {
-    position - Vec3::Y
+    within_reach(position - Vec3::Y)
 }
 
 /// The nearest place that a file holds.
@@ -295,6 +295,7 @@ mod tests {
     use std::f32::consts::PI;
 
     use clerestory_transport::basis::{LightSource, SourceKind};
+    use clerestory_transport::lamps::PreparedLamps;
     use clerestory_transport::light::LightSetting;
 
     use super::*;
@@ -361,7 +362,10 @@ mod tests {
         let usual = lamp("usual", LampShape::Disk { radius_m: 0.1 });
         let far = FreeLamp { position: Vec3::new(0.0, -2e6, 0.0), ..usual.clone() };
         let strong = FreeLamp { strength: 2e9, ..usual.clone() };
-        for (lamp, is_read) in [(usual, true), (far, false), (strong, false)] {
+        let deep = Vec3::splat(-FARTHEST_M);
+        let deep = FreeLamp { position: deep, aim: below(deep), ..lamp("deep", LampShape::Point) };
+        assert!(PreparedLamps::new(std::slice::from_ref(&deep), None).is_ok(), "it shines");
+        for (lamp, is_read) in [(usual, true), (deep, true), (far, false), (strong, false)] {
             let mut look = Look::default();
             look.lights.lamps = vec![lamp.clone()];
             assert_eq!((fits(&lamp), Look::from_json(&look.to_json()).is_ok()), (is_read, is_read), "{lamp:?}");

@@ -50,6 +50,9 @@ pub(crate) struct BodyPoint {
 /// touches it is bright, but not without bound.
 const LEAST_M: f32 = 5e-3;
 
+/// So little behind a surface, of the distance, a body lies in it and is seen: of one in a ceiling rounding would hide pixels.
+const IN_SURFACE: f32 = 1e-5;
+
 impl Body {
     /// The body of a lamp and the area that the look gives it, m²; `None` for a lamp without size.
     pub fn of(lamp: &FreeLamp) -> Option<(Body, f64)> {
@@ -109,7 +112,7 @@ impl Body {
         }
     }
 
-    /// Where a ray meets the shining side first, in lengths of its direction, before `t_max`.
+    /// Where a ray meets the shining side first, in lengths of its direction, before a surface at `t_max` or in it.
     pub fn meet(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<(f32, BodyPoint)> {
         let (t, normal) = match self {
             Body::Rectangle { center, half: [u, v], normal } => {
@@ -126,7 +129,7 @@ impl Body {
                 (t, (origin + direction * t - *center).normalize_or_zero())
             }
         };
-        (t > 0.0 && t < t_max).then(|| (t, BodyPoint { position: origin + direction * t, normal }))
+        (t > 0.0 && t * (1.0 - IN_SURFACE) < t_max).then(|| (t, BodyPoint { position: origin + direction * t, normal }))
     }
 }
 

@@ -72,7 +72,9 @@ pub(crate) struct Through {
 }
 
 /// A lamp without size has this one next to it: closer than that it is not brighter, m.
-pub(super) const POINT_RADIUS_M: f32 = 0.01;
+const POINT_RADIUS_M: f32 = 0.01;
+/// The same at most, over a distance beyond all surfaces: in a model of centimeters everything is closer than one.
+const POINT_OF_FAR: f32 = 1e-3;
 /// Bodies within so many of their radii are sampled by the angle that they fill.
 pub(super) const NEAR: f32 = 3.0;
 /// Bodies further away than so many of their radii are small, and so is a disk far away that is seen under no wider angle.
@@ -82,7 +84,7 @@ impl Lamp {
     /// A point with uniform density over a body; `far` is a distance beyond all surfaces, m.
     pub(crate) fn lit(&self, position: Vec3, u: Vec2, far: f32) -> Option<Lit> {
         match &self.form {
-            Form::Point { .. } => self.lit_from(&self.point(u)?, position),
+            Form::Point { .. } => self.lit_from(&self.point(u)?, position, far),
             Form::Distant { direction, one_minus_cos } => {
                 let wi = towards_disk(*direction, *one_minus_cos, u);
                 // A surface that faces the middle gets 1 lx: the disk's mean cosine is ½ (1 + cos).
@@ -147,9 +149,9 @@ impl Lamp {
         }
     }
 
-    /// What a point of [`Lamp::point`] sends to a place.
+    /// What a point of [`Lamp::point`] sends to a place; `far` as in [`Lamp::lit`].
     #[inline]
-    pub(crate) fn lit_from(&self, point: &BodyPoint, position: Vec3) -> Option<Lit> {
+    pub(crate) fn lit_from(&self, point: &BodyPoint, position: Vec3, far: f32) -> Option<Lit> {
         match &self.form {
             Form::Point { light, profile, .. } => {
                 let to_light = point.position - position;
@@ -157,7 +159,7 @@ impl Lamp {
                 let wi = to_light / square.sqrt();
                 let profiles = profile.as_deref().map_or(&[][..], std::slice::from_ref);
                 let falloff = if wi.is_finite() { punctual_falloff(light, profiles, -wi) } else { 0.0 };
-                let factor = falloff / square.max(POINT_RADIUS_M * POINT_RADIUS_M);
+                let factor = falloff / square.max(closest_m(far).powi(2));
                 (falloff > 0.0).then_some(Lit { target: point.position, wi, factor, spread_sr: 0.0 })
             }
             Form::Distant { .. } => None,
@@ -240,6 +242,11 @@ impl Lamp {
     pub(crate) fn is_beyond(&self) -> bool {
         matches!(self.form, Form::Distant { .. })
     }
+}
+
+/// Closer than that to a lamp without size it is not brighter, given a distance beyond all surfaces, m.
+pub(super) fn closest_m(far: f32) -> f32 {
+    POINT_RADIUS_M.min(POINT_OF_FAR * far)
 }
 
 /// Towards a disk infinitely far away, all of its directions alike, given along which its middle shines.

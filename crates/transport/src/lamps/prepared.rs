@@ -234,9 +234,9 @@ impl PreparedLamps {
         self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, &place, spread, |_| 1.0)).sum()
     }
 
-    /// The same on a point of a patch, light of each direction by what its surface makes of it.
-    pub fn light_on(&self, scene: &PreparedScene, sample: &PatchSample) -> Vec3 {
-        self.lamps.iter().map(|lamp| lamp.light_on(scene, sample)).sum()
+    /// The same on a point of a patch past so many solid panes at most, light of each direction by what its surface makes of it.
+    pub(crate) fn light_on(&self, scene: &PreparedScene, sample: &PatchSample, most_slabs: usize) -> Vec3 {
+        self.lamps.iter().map(|lamp| lamp.light_on(scene, sample, most_slabs)).sum()
     }
 }
 
@@ -271,8 +271,8 @@ impl Place {
 
 impl PreparedLamp {
     /// See [`PreparedLamps::light_on`].
-    pub(super) fn light_on(&self, scene: &PreparedScene, sample: &PatchSample) -> Vec3 {
-        let place = Place::new(scene, sample.position, sample.normal);
+    pub(super) fn light_on(&self, scene: &PreparedScene, sample: &PatchSample, most_slabs: usize) -> Vec3 {
+        let place = Place { most_slabs, ..Place::new(scene, sample.position, sample.normal) };
         let n_points = if self.lamp.is_small_at(sample.position) { FEW_POINTS } else { POINTS };
         self.emission * self.arriving(scene, &place, Spread::Lattice(n_points), |cos| sample.response(cos))
     }

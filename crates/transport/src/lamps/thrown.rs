@@ -10,45 +10,56 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 
 use super::body::{Body, in_cone};
-use super::light::{Form, Lamp, POINT_RADIUS_M};
+use super::light::{Form, Lamp, closest_m};
 use super::prepared::{PreparedLamp, PreparedLamps, lattice, leaving};
 use crate::emitters::punctual_falloff;
 use crate::patches::{Beam, PatchSample, Patches};
 use crate::photometry::PhotometricProfile;
-use crate::prepared::PreparedScene;
+use crate::prepared::{PreparedScene, beyond};
 use crate::sampler::{cosine_around, uniform_sphere};
 use crate::scene::{PunctualKind, PunctualLight};
+use crate::slabs::most_in_a_row;
 
 /// Rays from a lamp.
 const BEAMS: u32 = 512;
-/// Directions that a measured distribution is asked for, from which those of rays are chosen.
-const CANDIDATES: u32 = 16 * BEAMS;
 
 impl PreparedLamps {
-    /// One RGB coefficient per column of patches, see [`Patches::coefficients`].
-    pub fn light_on_patches(&self, scene: &PreparedScene, patches: &Patches) -> Vec<[f32; 3]> {
-        patches.coefficients_of(&self.irradiance_of_patches(scene, patches))
+    /// One RGB coefficient per column of patches, see [`Patches::coefficients`]. Faces of solid panes before a patch count as `bounces`,
+    /// of which there is no limit by `None`.
+    pub fn light_on_patches(&self, scene: &PreparedScene, patches: &Patches, bounces: Option<u32>) -> Vec<[f32; 3]> {
+        patches.coefficients_of(&self.irradiance_of_patches(scene, patches, bounces))
     }
 
     /// Mean irradiance of each patch, lux per channel, light of each direction times [`PatchSample::response`].
-    pub(crate) fn irradiance_of_patches(&self, scene: &PreparedScene, patches: &Patches) -> Vec<Vec3> {
-        let Some(layout) = patches.layout() else { return patches.irradiance(&|at| self.light_on(scene, at)) };
-        let mut irradiance = patches.irradiance(&|at| self.far_light_on(scene, at));
+    pub(crate) fn irradiance_of_patches(
+        &self,
+        scene: &PreparedScene,
+        patches: &Patches,
+        bounces: Option<u32>,
+    ) -> Vec<Vec3> {
+        // A patch is one bounce beyond the surface that is seen.
+        let most_slabs = most_in_a_row(bounces.unwrap_or(u32::MAX).saturating_sub(1));
+        let Some(layout) = patches.layout() else {
+            return patches.irradiance(&|at| self.light_on(scene, at, most_slabs));
+        };
+        let mut irradiance = patches.irradiance(&|at| self.far_light_on(scene, at, most_slabs));
         for lamp in self.lamps() {
             if layout.is_close(|place| lamp.lamp.apart_m(place)) {
                 let beams = lamp.beams(scene.extent());
                 let apart = |place| lamp.lamp.apart_m(place);
-                layout.receive(scene, &beams, apart, |patch| patches.samples_of(patch), &mut irradiance);
+                let samples_of = |patch| patches.samples_of(patch);
+                layout.receive(scene, (&beams, most_slabs), apart, samples_of, &mut irradiance);
             }
         }
         irradiance
     }
 
     /// [`PreparedLamps::light_on`] without what lamps throw on patches close by.
-    fn far_light_on(&self, scene: &PreparedScene, sample: &PatchSample) -> Vec3 {
+    fn far_light_on(&self, scene: &PreparedScene, sample: &PatchSample, most_slabs: usize) -> Vec3 {
         let share = |lamp: &PreparedLamp| sample.far_share(lamp.lamp.apart_m(sample.position));
         let lamps = self.lamps().iter().map(|lamp| (lamp, share(lamp)));
-        lamps.filter(|(_, share)| *share > 0.0).map(|(lamp, share)| lamp.light_on(scene, sample) * share).sum()
+        let lit = lamps.filter(|(_, share)| *share > 0.0);
+        lit.map(|(lamp, share)| lamp.light_on(scene, sample, most_slabs) * share).sum()
     }
 }
 
@@ -61,8 +72,8 @@ impl PreparedLamp {
         };
         match &self.lamp.form {
             Form::Point { light, profile, .. } => {
-                let rays = of_point(light, profile.as_deref());
-                rays.into_iter().map(|(along, flux)| beam((light.position, along, flux), POINT_RADIUS_M)).collect()
+                let (rays, least_m) = (of_point(light, profile.as_deref()), closest_m(beyond(extent)));
+                rays.into_iter().map(|(along, flux)| beam((light.position, along, flux), least_m)).collect()
             }
             Form::Distant { .. } => Vec::new(),
             Form::Body(body) => {
@@ -120,39 +131,21 @@ impl Body {
 
 /// Directions from a lamp without size, and the flux of each at 1 cd along its axis.
 fn of_point(light: &PunctualLight, profile: Option<&PhotometricProfile>) -> Vec<(Vec3, f32)> {
-    let profiles = profile.map_or(&[][..], std::slice::from_ref);
-    let all = |n: u32| {
-        (0..n).map(move |nth| match light.kind {
+    if let Some(profile) = profile {
+        let [x, y] = light.across;
+        let rays = profile.rays(BEAMS, |nth| lattice(nth).to_array()).into_iter();
+        return rays.map(|(of, flux)| (x * of.x + y * of.y - light.direction * of.z, flux)).collect();
+    }
+    let ray = |nth: u32| {
+        let (along, solid_angle) = match light.kind {
             PunctualKind::Spot { outer_rad, .. } => {
                 in_cone(light.direction, 2.0 * (0.5 * outer_rad).sin().powi(2), lattice(nth))
             }
             _ => (uniform_sphere(lattice(nth).to_array()), 4.0 * PI),
-        })
+        };
+        (along, punctual_falloff(light, &[], along) * solid_angle / BEAMS as f32)
     };
-    let lit = |n: u32| {
-        all(n)
-            .map(move |(along, solid_angle)| (along, punctual_falloff(light, profiles, along) * solid_angle / n as f32))
-    };
-    if profile.is_some() {
-        evenly(lit(CANDIDATES).collect())
-    } else {
-        lit(BEAMS).filter(|(_, flux)| *flux > 0.0).collect()
-    }
-}
-
-/// So many of the rays that [`BEAMS`] are left, those chosen that carry most, each with as much as the others.
-fn evenly(rays: Vec<(Vec3, f32)>) -> Vec<(Vec3, f32)> {
-    let step = rays.iter().map(|(_, flux)| f64::from(*flux)).sum::<f64>() / f64::from(BEAMS);
-    let (mut chosen, mut sum) = (Vec::with_capacity(BEAMS as usize), 0.0);
-    for (along, flux) in rays {
-        let before = (sum / step + 0.5).floor();
-        sum += f64::from(flux);
-        let n = (sum / step + 0.5).floor() - before;
-        if n > 0.0 {
-            chosen.push((along, (n * step) as f32));
-        }
-    }
-    chosen
+    (0..BEAMS).map(ray).filter(|(_, flux)| *flux > 0.0).collect()
 }
 
 /// Points of the unit cube of four dimensions that are far apart, as two of the unit square. \[Roberts2018\]
@@ -193,6 +186,24 @@ mod tests {
             if let Form::Point { spread: found, .. } = prepared.lamp.form {
                 assert!(spread.contains(&found), "{prepared:?} spreads to {found}");
             }
+        }
+    }
+
+    #[test]
+    fn a_narrow_measured_beam_keeps_its_flux_wherever_it_is_aimed() {
+        const BEAM: &str =
+            "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 6 1 1 2 0 0 0\n1 1 9\n0 0.5 1 1.5 2 90\n0\n9000 7000 3000 600 0 0\n";
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("beam.ies"), BEAM).expect("the folder can be written");
+        for nth in 0..32 {
+            let ahead = uniform_sphere(lattice(nth).to_array());
+            let plain = lamp(LampShape::Profile { file: "beam.ies".into() });
+            let lamp = FreeLamp { unit: LampUnit::Lumen, strength: 100.0, aim: plain.position + ahead, ..plain };
+            let lamps = PreparedLamps::new(&[lamp], Some(folder.path())).expect("a lamp that makes sense").0;
+            let beams = lamps.lamps()[0].beams(1.0);
+            let flux: f32 = beams.iter().map(|beam| beam.flux.x).sum();
+            let astray = beams.iter().filter(|beam| beam.direction.dot(ahead) < 2.1_f32.to_radians().cos()).count();
+            assert!((flux - 100.0).abs() < 1.0 && astray == 0, "towards {ahead}: {flux} lm, {astray} beams astray");
         }
     }
 

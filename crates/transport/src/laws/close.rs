@@ -16,6 +16,7 @@ use crate::patches::{NARROW_ALPHA, PatchSample, Patches, Request, learn};
 use crate::prepared::PreparedScene;
 use crate::sampler::uniform_hash;
 use crate::scene::Material;
+use crate::slabs::IN_A_ROW;
 use crate::visible::{VisibleConfig, VisiblePoints};
 
 /// Flux of the lamps, lm.
@@ -63,11 +64,11 @@ fn learned(scene: &PreparedScene, n_patches: u32) -> Patches {
 
 /// Irradiance of patches, and what it was before lamps threw light: all of it by samples.
 fn thrown(scene: &PreparedScene, patches: &Patches, lamps: &PreparedLamps) -> Vec<Vec3> {
-    lamps.irradiance_of_patches(scene, patches)
+    lamps.irradiance_of_patches(scene, patches, None)
 }
 
 fn by_samples(scene: &PreparedScene, patches: &Patches, lamps: &PreparedLamps) -> Vec<Vec3> {
-    patches.irradiance(&|at| lamps.light_on(scene, at))
+    patches.irradiance(&|at| lamps.light_on(scene, at, IN_A_ROW))
 }
 
 /// Share of the light that patches receive, by their areas, red.
@@ -146,12 +147,33 @@ fn far_from_the_origin_surfaces_receive_as_much_of_a_lamp_close_to_them() {
     }
 }
 
-#[test]
-fn beams_pass_a_sheet_of_solid_glass() {
+/// A closed room with a sheet of solid glass above its floor.
+fn with_sheet() -> PreparedScene {
     let sheet = room(Vec3::new(1.2, 0.02, 1.0)).into_iter().rev().map(|corner| corner + Vec3::Y * (FLOOR + 0.1));
     let glass = Material { thickness: 1.0, ..pane() };
     let scene = furnace(0.6).surface("sheet", &sheet.collect::<Vec<_>>(), glass).prepared();
     assert_eq!(scene.slabs.len(), 1);
+    scene
+}
+
+#[test]
+fn faces_of_solid_panes_before_patches_count_as_bounces() {
+    let scene = with_sheet();
+    let patches = learned(&scene, 1024);
+    // Thrown, and asked for at samples as well.
+    for (angles, height) in [([0.3, 0.6], 0.3), ([0.1, 0.2], 2.2)] {
+        let spot = LampShape::Spot { inner_rad: angles[0], outer_rad: angles[1] };
+        let lamps = prepared(&spot, Vec3::new(0.1, FLOOR + height, 0.05));
+        let share = |bounces| received(&patches, &lamps.irradiance_of_patches(&scene, &patches, bounces));
+        let all = share(None);
+        assert!(all > 0.5 && share(Some(3)) == all, "{height} m: two faces and a patch are three of {all}");
+        assert_eq!([1, 2].map(|few| share(Some(few))), [0.0; 2], "{height} m");
+    }
+}
+
+#[test]
+fn beams_pass_a_sheet_of_solid_glass() {
+    let scene = with_sheet();
     let patches = learned(&scene, 1024);
     let lamps = prepared(&LampShape::Spot { inner_rad: 0.3, outer_rad: 0.6 }, Vec3::new(0.1, FLOOR + 0.3, 0.05));
     let [now, before] = [thrown, by_samples].map(|light| received(&patches, &light(&scene, &patches, &lamps)));
@@ -192,7 +214,7 @@ fn few_points_of_a_body_far_away_tell_what_many_tell() {
         let (mut apart, mut all) = (0.0, 0.0);
         for at in plain {
             let many = lamps.irradiance(&scene, at.position, at.normal, None).x;
-            apart += (lamps.light_on(&scene, &at).x - many).abs();
+            apart += (lamps.light_on(&scene, &at, IN_A_ROW).x - many).abs();
             all += many;
         }
         println!("{shape:?}: {:.2} %", 100.0 * apart / all);

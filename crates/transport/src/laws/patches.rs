@@ -25,6 +25,7 @@ use crate::patches::{NARROW_ALPHA, PatchMatrix, PatchSample, Request, learn};
 use crate::path::{Integrator, NoLights};
 use crate::prepared::PreparedScene;
 use crate::scene::Material;
+use crate::slabs::IN_A_ROW;
 use crate::trace::{TraceConfig, trace};
 use crate::visible::{VisibleConfig, VisiblePoints};
 
@@ -108,7 +109,8 @@ fn applied(bake: &Bake, group: &BlockLowRank, irradiance: &(dyn Fn(&PatchSample)
 fn by_lamp(scene: &PreparedScene, bake: &Bake, lamp: FreeLamp, folder: Option<&Path>) -> Vec<f32> {
     let (lamps, _) = PreparedLamps::new(&[lamp], folder).expect("a lamp that makes sense");
     let patches = bake.header.patches.as_ref().expect("patches");
-    multiplied(bake.groups.last().expect("a group of patches"), &lamps.light_on_patches(scene, patches))
+    let coefficients = lamps.light_on_patches(scene, patches, bake.header.config.bounces);
+    multiplied(bake.groups.last().expect("a group of patches"), &coefficients)
 }
 
 fn multiplied(group: &BlockLowRank, coefficients: &[[f32; 3]]) -> Vec<f32> {
@@ -249,7 +251,7 @@ fn as_much_arrives_from_a_lamp_that_no_bake_knew_as_from_one_of_its_file() {
         let expected = known.irradiance[0][0].apply(&unit);
         let lamp = FreeLamp { position: place, ..lamp(LampShape::Point) };
         let (lamps, _) = PreparedLamps::new(&[lamp], None).expect("a plain lamp");
-        let straight = |at: &PatchSample| lamps.light_on(&scene, at);
+        let straight = |at: &PatchSample| lamps.light_on(&scene, at, IN_A_ROW);
         let mut found = arriving_by_patches(&bake, &straight);
         for sample in 0..16 {
             let points = ArrivingPoints::new(&scene, camera, FILM, sample, &|| false).expect("nobody stops it");

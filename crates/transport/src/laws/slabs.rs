@@ -17,7 +17,7 @@ use crate::prepared::PreparedScene;
 use crate::sampler::{Sampler, uniform_sphere};
 use crate::scene::{AlphaMode, Encoding, Finish, Material, PunctualKind};
 use crate::sky::{Environment, SkyForm, SkyLight, Sun};
-use crate::slabs::hidden;
+use crate::slabs::{IN_A_ROW, hidden};
 
 pub(super) const ALBEDO: f32 = 0.5;
 pub(super) const IOR: f64 = 1.5;
@@ -227,7 +227,10 @@ fn lamps_of_a_look_send_through_windows_what_lamps_of_the_file_send() {
         let lamps = PreparedLamps::new(&[free], None).unwrap().0;
         let arriving = lamps.irradiance(&scene, Vec3::ZERO, Vec3::Y, None);
         let sample = PatchSample { position: Vec3::ZERO, normal: Vec3::Y, weight: 1.0, radius_m: 0.0, grazing: 0.0 };
-        assert!(lamps.light_on(&scene, &sample).abs_diff_eq(arriving, 1e-3 * arriving.y), "patches get what arrives");
+        assert!(
+            lamps.light_on(&scene, &sample, IN_A_ROW).abs_diff_eq(arriving, 1e-3 * arriving.y),
+            "patches get what arrives"
+        );
         f64::from(arriving.y)
     };
     let of_file = [
@@ -252,7 +255,7 @@ fn parallel_light_of_a_look_brings_its_lux_however_wide_its_disk_is() {
         for (normal, most) in [(Vec3::Y, 1e-3), (Vec3::new(0.6, 0.8, 0.0), 0.015)] {
             let sample = PatchSample { position: Vec3::ZERO, normal, weight: 1.0, radius_m: 0.0, grazing: 0.0 };
             let (arriving, on_patch) =
-                (lamps.irradiance(&scene, Vec3::ZERO, normal, None), lamps.light_on(&scene, &sample));
+                (lamps.irradiance(&scene, Vec3::ZERO, normal, None), lamps.light_on(&scene, &sample, IN_A_ROW));
             for lux in [arriving, on_patch] {
                 assert!((lux - normal.y).abs().max_element() < most, "{radius_rad}, facing {normal}: {lux}");
             }

@@ -128,13 +128,13 @@ impl Layout {
         patches.any(|(center, extent)| apart(center.position) < (APART[1] + REACH[1]) * extent.radius_m)
     }
 
-    /// Adds the irradiance of beams to that of patches, as far as these are too near to the lamp, `apart` from each place so many
-    /// meters, for their samples to find it. Patches that see nothing of what is above a place get none of its light: they lie behind a wall,
-    /// or the lamp within a body.
+    /// Adds the irradiance of beams, past so many slabs at most, to that of patches, as far as these are too near to the lamp, `apart`
+    /// from each place so many meters, for their samples to find it. Patches that see nothing of what is above a place get none of its
+    /// light: they lie behind a wall, or the lamp within a body.
     pub fn receive<'a>(
         &self,
         scene: &PreparedScene,
-        beams: &[Beam],
+        (beams, most_slabs): (&[Beam], usize),
         apart: impl Fn(Vec3) -> f32 + Sync,
         samples_of: impl Fn(u32) -> &'a [PatchSample] + Sync,
         irradiance: &mut [Vec3],
@@ -142,7 +142,8 @@ impl Layout {
         hide(scene, &self.nearest, &samples_of);
         let land = |(nth, beam): (usize, &Beam)| {
             let ray = Ray { origin: beam.origin, direction: beam.direction, t_min: 0.0, t_max: f32::INFINITY };
-            let (hit, passed) = first_broad(scene, &ray, &mut Sampler::new(0, BEAM_STREAM, nth as u32))?;
+            let mut sampler = Sampler::new(0, BEAM_STREAM, nth as u32);
+            let (hit, passed) = first_broad(scene, &ray, most_slabs, &mut sampler)?;
             let normal = scene.smooth_normal(&hit, beam.direction);
             // Nothing dims the light of a body: its least distance is zero.
             let dimmed = (hit.position.distance(beam.origin) / beam.least_m).min(1.0).powi(2);
@@ -234,7 +235,7 @@ impl Layout {
                 return 0.0;
             }
             let ray = Ray { origin: eye, direction, t_min: 0.0, t_max: f32::INFINITY };
-            let Some((hit, _)) = first_broad(scene, &ray, sampler) else { return 0.0 };
+            let Some((hit, _)) = first_broad(scene, &ray, IN_A_ROW, sampler) else { return 0.0 };
             let normal = scene.smooth_normal(&hit, direction);
             // Out of its reach it has no share, whoever else is around.
             if self.within_reach(patch, &center, hit.position, normal) == 0.0 {
@@ -282,11 +283,16 @@ fn above(scene: &PreparedScene, (place, up): (Vec3, Vec3), height_m: f32, sample
     place + up * (0.5 * free)
 }
 
-/// The first surface along a ray that scatters broadly, and what of the light passes clear panes and slabs before it, which shift
-/// it; `None` where light ends elsewhere.
-fn first_broad(scene: &PreparedScene, ray: &Ray, sampler: &mut Sampler) -> Option<(SurfaceHit, Vec3)> {
+/// The first surface along a ray that scatters broadly, and what of the light passes clear panes before it and so many slabs at most,
+/// which shift it; `None` where light ends elsewhere.
+fn first_broad(
+    scene: &PreparedScene,
+    ray: &Ray,
+    most_slabs: usize,
+    sampler: &mut Sampler,
+) -> Option<(SurfaceHit, Vec3)> {
     let (mut ray, mut passed) = (*ray, Vec3::ONE);
-    for _ in 0..=IN_A_ROW {
+    for _ in 0..=most_slabs {
         let (hit, through_panes) = scene.closest_behind_panes(&ray, sampler)?;
         passed *= through_panes;
         if passed == Vec3::ZERO {

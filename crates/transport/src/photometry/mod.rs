@@ -146,6 +146,13 @@ impl PhotometricProfile {
         self.table.flux_lm() as f32
     }
 
+    /// So many unit directions in the luminaire's frame, more of them where it sends more, and the flux of each over the largest intensity,
+    /// lm/cd. `place` of a direction's number, two numbers in 0…1, sets those side by side apart.
+    pub(crate) fn rays(&self, n: u32, place: impl Fn(u32) -> [f32; 2]) -> Vec<(Vec3, f32)> {
+        let rays = self.table.rays(n, place).into_iter();
+        rays.map(|(direction, lumen)| (direction, lumen / self.max_candela)).collect()
+    }
+
     /// Electrical power of the whole luminaire in watt, ballast and driver included, as the file states it; `None` where it
     /// states none, or 0.
     pub fn watts(&self) -> Option<f32> {

@@ -207,22 +207,78 @@ impl Table {
     }
 
     /// The integral over all directions, lumen.
-    #[expect(clippy::arithmetic_side_effects, reason = "indices in a table of angles by angles")]
     pub fn flux_lm(&self) -> f64 {
-        let n = self.vertical.len();
-        let mut flux = 0.0;
-        for (row, h) in self.horizontal.windows(2).enumerate() {
-            for (column, v) in self.vertical.windows(2).enumerate() {
-                let at = |row: usize, column: usize| f64::from(self.candela[row * n + column]);
-                let of_column = |column: usize| 0.5 * (at(row, column) + at(row + 1, column));
-                let of_row = |row: usize| 0.5 * (at(row, column) + at(row, column + 1));
-                flux += match self.planes {
-                    Planes::C => width(h) * across_sine(v, [of_column(column), of_column(column + 1)]),
-                    Planes::B => width(v) * across_cosine(h, [of_row(row), of_row(row + 1)]),
-                };
+        self.cells().map(|cell| self.flux_of(cell)).sum()
+    }
+
+    /// So many unit directions, of which each cell of the grid has as many as suit its flux, and lumen of each, together all. `place` of a
+    /// direction's number, two numbers in 0…1, says where it lies in its cell.
+    #[expect(clippy::arithmetic_side_effects, reason = "a count up to the number that is asked for")]
+    #[expect(clippy::cast_possible_truncation, reason = "a flux in single precision")]
+    pub fn rays(&self, n: u32, place: impl Fn(u32) -> [f32; 2]) -> Vec<(Vec3, f32)> {
+        let all = self.flux_lm();
+        let (mut rays, mut nth, mut reached, mut sum) = (Vec::new(), 0, 0.0, 0.0);
+        for cell in self.cells() {
+            let flux = self.flux_of(cell);
+            reached += flux;
+            while nth < n && (f64::from(nth) + 0.5) * all < reached * f64::from(n) {
+                let (direction, solid_angle) = self.direction_in(cell, place(nth));
+                // Within a cell some send more than its mean.
+                let over_mean = f64::from(self.at(direction)) * solid_angle / flux;
+                rays.push((direction, over_mean));
+                (nth, sum) = (nth + 1, sum + over_mean);
             }
         }
-        flux
+        let lumen = |over_mean: f64| if sum > 0.0 { (all * over_mean / sum) as f32 } else { 0.0 };
+        rays.into_iter().map(|(direction, over_mean)| (direction, lumen(over_mean))).collect()
+    }
+
+    /// Row and column at which each cell of the grid begins.
+    #[expect(clippy::arithmetic_side_effects, reason = "at least two angles each way")]
+    fn cells(&self) -> impl Iterator<Item = (usize, usize)> {
+        let (n_rows, n_columns) = (self.horizontal.len() - 1, self.vertical.len() - 1);
+        (0..n_rows).flat_map(move |row| (0..n_columns).map(move |column| (row, column)))
+    }
+
+    /// Horizontal and vertical angles between which a cell lies.
+    #[expect(clippy::arithmetic_side_effects, reason = "indices in a table of angles by angles")]
+    fn angles_of(&self, (row, column): (usize, usize)) -> [&[f32]; 2] {
+        [&self.horizontal[row..row + 2], &self.vertical[column..column + 2]]
+    }
+
+    /// The integral over the directions of a cell, lumen.
+    #[expect(clippy::arithmetic_side_effects, reason = "indices in a table of angles by angles")]
+    fn flux_of(&self, (row, column): (usize, usize)) -> f64 {
+        let ([h, v], n) = (self.angles_of((row, column)), self.vertical.len());
+        let at = |row: usize, column: usize| f64::from(self.candela[row * n + column]);
+        let of_column = |column: usize| 0.5 * (at(row, column) + at(row + 1, column));
+        let of_row = |row: usize| 0.5 * (at(row, column) + at(row, column + 1));
+        match self.planes {
+            Planes::C => width(h) * across_sine(v, [of_column(column), of_column(column + 1)]),
+            Planes::B => width(v) * across_cosine(h, [of_row(row), of_row(row + 1)]),
+        }
+    }
+
+    /// A unit direction of a cell, all of them alike for two even numbers in 0…1, and the solid angle of the cell.
+    #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
+    fn direction_in(&self, cell: (usize, usize), [along, around]: [f32; 2]) -> (Vec3, f64) {
+        let [h, v] = self.angles_of(cell);
+        let (along, around) = (f64::from(along), f64::from(around));
+        let (direction, solid_angle) = match self.planes {
+            Planes::C => {
+                let [first, last] = [v[0], v[1]].map(|angle| f64::from(angle).cos());
+                let (cos, angle) = (first + (last - first) * along, f64::from(h[0]) + width(h) * around);
+                let sin = (1.0 - cos * cos).max(0.0).sqrt();
+                ([sin * angle.cos(), sin * angle.sin(), -cos], width(h) * (first - last))
+            }
+            Planes::B => {
+                let [first, last] = [h[0], h[1]].map(|angle| f64::from(angle).sin());
+                let (sin, angle) = (first + (last - first) * along, f64::from(v[0]) + width(v) * around);
+                let cos = (1.0 - sin * sin).max(0.0).sqrt();
+                ([cos * angle.sin(), -sin, -cos * angle.cos()], width(v) * (last - first))
+            }
+        };
+        (Vec3::from(direction.map(|x| x as f32)), solid_angle)
     }
 
     /// For a device that looks it up as [`Table::at`] does: numbers of vertical and of horizontal angles, and 1 of B planes, else 0; then

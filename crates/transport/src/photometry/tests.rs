@@ -4,7 +4,9 @@ use std::fmt::Write;
 use glam::Vec3;
 
 use super::*;
+use crate::lamps::lattice;
 use crate::laws::at_hand;
+use crate::sampler::uniform_sphere;
 
 const X: Vec3 = Vec3::X;
 const Y: Vec3 = Vec3::Y;
@@ -110,6 +112,28 @@ fn the_corners_of_a_type_b_file_lie_where_its_axis_across_has_them() {
             (Vec3::new(0.75, -0.5, -root3 / 4.0), 6.0),
         ],
     );
+}
+
+#[test]
+fn rays_carry_the_light_of_a_profile_where_it_sends_it() {
+    let number = |nth: u32| f64::from(100 + nth * 37 % 90);
+    let candela = |n: u32| (0..n).map(number).collect::<Vec<_>>();
+    let c = ies(1, &[0.0, 30.0, 90.0, 180.0], &[0.0, 90.0, 180.0, 270.0], &candela(16));
+    let b = ies(2, &[-90.0, 0.0, 60.0], &[-90.0, -20.0, 90.0], &candela(9));
+    let place = |nth: u32| lattice(nth).to_array();
+    for profile in [parsed(&c), parsed(&b)] {
+        let rays: Vec<(Vec3, f32)> = profile.rays(4096, place);
+        let all: f32 = rays.iter().map(|(_, flux)| flux * profile.max_candela()).sum();
+        assert!((all / profile.flux_lm() - 1.0).abs() < 0.01, "{all} of {} lm", profile.flux_lm());
+        let n = 1 << 15;
+        for axis in [X, Y, AIM] {
+            let ahead = rays.iter().filter(|(direction, _)| direction.dot(axis) > 0.0);
+            let found = ahead.map(|(_, flux)| flux * profile.max_candela()).sum::<f32>();
+            let sphere = (0..n).map(|nth| uniform_sphere(place(nth))).filter(|direction| direction.dot(axis) > 0.0);
+            let expected = sphere.map(|direction| profile.candela(direction)).sum::<f32>() * 4.0 * PI / n as f32;
+            assert!((found / expected - 1.0).abs() < 0.02, "towards {axis}: {found} lm, not {expected}");
+        }
+    }
 }
 
 #[test]

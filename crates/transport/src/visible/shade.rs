@@ -107,7 +107,7 @@ impl<'a> Shading<'a> {
             }
             let shared = shared.as_ref().filter(|_| !lamp.lamp.is_near(point.position));
             let lit = match shared {
-                Some(shared) => lamp.lamp.lit_from(shared, point.position),
+                Some(shared) => lamp.lamp.lit_from(shared, point.position, self.far),
                 None => lamp.lamp.lit_well(point.position, spread(u, nth), self.far),
             };
             let Some(lit) = lit else { continue };

@@ -349,6 +349,25 @@ fn two_panes_in_a_turned_wall_pass_light_of_free_lamps_as_one_of_double_width_do
 }
 
 #[test]
+fn a_lamp_that_lies_in_a_wall_is_seen_by_every_pixel_that_looks_at_it() {
+    let scene = room().prepared();
+    let (middle, radius_m) = (Vec3::new(0.0, 1.4, -1.5), 0.6);
+    let disk = lamp(LampShape::Disk { radius_m }, middle, 100.0, LampUnit::Nit);
+    let lamps = prepared(&[FreeLamp { aim: middle + Vec3::Z, ..disk }]);
+    let picture = live(&scene, &lamps, FILM, 4, 0);
+    let camera = &scene.scene.cameras[0];
+    let looks_at_it = |pixel: &u32| {
+        let corner = Vec2::new((pixel % FILM.width) as f32, (pixel / FILM.width) as f32);
+        let direction = camera.direction(FILM, corner + 0.5);
+        let t = (middle.z - camera.position().z) / direction.z;
+        (camera.position() + direction * t).distance(middle) < 0.7 * radius_m
+    };
+    let pixels: Vec<u32> = (0..FILM.width * FILM.height).filter(looks_at_it).collect();
+    let n_dim = pixels.iter().filter(|pixel| picture[**pixel as usize][1] < 99.9).count();
+    assert!(pixels.len() > 20 && n_dim == 0, "{n_dim} of {} pixels see less than the lamp", pixels.len());
+}
+
+#[test]
 fn a_point_lamp_over_a_floor_follows_cosine_and_inverse_square() {
     let camera = Camera::look_at("eye", Vec3::new(0.0, 3.0, 0.0), Vec3::ZERO, 0.6, 1.0);
     let floor = quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0);
@@ -365,6 +384,24 @@ fn a_point_lamp_over_a_floor_follows_cosine_and_inverse_square() {
         let expected = candela * ALBEDO / PI * to_lamp.normalize().y / to_lamp.length_squared();
         let found = picture[(y * 9 + x) as usize][0];
         assert!((found / expected - 1.0).abs() < 0.01, "({x}, {y}): {found} is not {expected}");
+    }
+}
+
+#[test]
+fn a_model_of_centimeters_is_lit_as_the_room_is() {
+    let mut model = room().into_scene();
+    model.mesh.positions.iter_mut().for_each(|position| *position *= 0.01);
+    let camera = &mut model.cameras[0];
+    camera.world_from_camera.w_axis = (0.01 * camera.position()).extend(1.0);
+    let (large, small) = (room().prepared(), PreparedScene::new(model, &[]).expect("it has no panels").0);
+    for shape in [LampShape::Point, LampShape::Spot { inner_rad: 0.3, outer_rad: 0.7 }] {
+        let light = |scene: &PreparedScene, scale: f32| {
+            let (place, candela) = (Vec3::new(0.6, 0.05, 1.0) * scale, 100.0 * scale * scale);
+            let lamps = prepared(&[lamp(shape.clone(), place, candela, LampUnit::Candela)]);
+            live(scene, &lamps, FILM, 16, 0).as_flattened().iter().sum::<f32>()
+        };
+        let (found, expected) = (light(&small, 0.01), light(&large, 1.0));
+        assert!((found / expected - 1.0).abs() < 0.01, "{shape:?}: {found} is not {expected}");
     }
 }
 

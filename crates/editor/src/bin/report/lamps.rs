@@ -217,7 +217,8 @@ impl Traced {
         ensure!(patches.narrow_alpha() == NARROW_ALPHA, "patches leave out other lobes than the live light shows");
         let own = relit(bake, &bake.header.coefficients(&LightRig::default()));
         let place = |(nth, drawn): (usize, &Drawn)| {
-            let indirect = relit(bake, &of_patches(bake, drawn.lamp.light_on_patches(scene, patches)));
+            let lit = drawn.lamp.light_on_patches(scene, patches, bake.header.config.bounces);
+            let indirect = relit(bake, &of_patches(bake, lit));
             let pictures = Pictures {
                 of_patches: &indirect,
                 live: [&self.live[0][nth], &self.live[1][nth]],

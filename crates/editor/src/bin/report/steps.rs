@@ -134,7 +134,7 @@ fn rows(
             let before = points.n_rays();
             let direct_ms = timed_ms(|| points.direct(scene, &lamps, 0, &|| false));
             direct_steps.push([direct_ms, (points.n_rays() - before) as f64]);
-            patch_ms.push(timed_ms(|| lamps.light_on_patches(scene, patches)));
+            patch_ms.push(timed_ms(|| lamps.light_on_patches(scene, patches, bake.header.config.bounces)));
             if let Some(device) = device.as_mut().filter(|_| nth < n_on_device) {
                 device_steps.push(device.step(scene, &points, &lamps)?);
             }

@@ -339,9 +339,10 @@ impl Bench {
         let lamp = self.lamps[idx].prepared.clone();
         let unlit = view.patches.as_ref().filter(|_| self.lamps[idx].of_patches.is_none());
         // The processor need not wait for a device.
+        let on_patches = |patches| lamp.light_on_patches(&view.scene, patches, view.bounces);
         let (pass, further) = rayon::join(
             || self.direct(&lamp, (sample, round), view, stop),
-            || unlit.map(|patches| (lamp.light_on_patches(&view.scene, patches), lamp.lacking(&view.scene))),
+            || unlit.map(|patches| (on_patches(patches), lamp.lacking(&view.scene))),
         );
         let lit = &mut self.lamps[idx];
         if let Some((of_patches, lacking)) = further {

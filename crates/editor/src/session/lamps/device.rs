@@ -340,6 +340,25 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_model_of_centimeters_is_lit_by_every_device_as_by_the_cpu() {
+        let gpus = Gpu::all_headless(DeviceChoice::Any);
+        assert!(!gpus.is_empty() || !is_required(), "no adapter");
+        let mut scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
+        scene.mesh.positions.iter_mut().for_each(|position| *position *= 0.01);
+        let camera = &mut scene.cameras[0];
+        camera.world_from_camera.w_axis = (0.01 * camera.position()).extend(1.0);
+        let view = view_of(scene);
+        let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
+        let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
+        let place = 0.01 * Vec3::new(0.1, 0.5, -0.3);
+        let lamp = lamp(LampShape::Point, LampUnit::Candela, [place, place - Vec3::Y]);
+        for gpu in &gpus {
+            let mut device = LampDevice::new(gpu, &view).unwrap();
+            assert_as_cpu(&mut device, &points, &lamp, 0, "a point lamp");
+        }
+    }
+
     /// A closed box of a material of its own, turned about the origin.
     fn add_box(scene: &mut Scene, (center, half): (Vec3, Vec3), turn: Quat, material: Material) {
         let (mesh, material_idx) = (&mut scene.mesh, scene.materials.len() as u32);

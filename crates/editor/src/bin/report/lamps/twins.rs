@@ -125,7 +125,8 @@ impl Twin {
         without.lights.entry(self.key.clone()).or_default().muted = true;
         let [whole, without] = [LightRig::default(), without].map(|rig| relit(bake, &bake.header.coefficients(&rig)));
         let patches = bake.header.patches.as_ref().context("no patches")?;
-        let free = relit(bake, &of_patches(bake, self.free.light_on_patches(scene, patches)));
+        let lit = self.free.light_on_patches(scene, patches, bake.header.config.bounces);
+        let free = relit(bake, &of_patches(bake, lit));
         Ok(difference_db(&whole, &without, &free, live))
     }
 }
