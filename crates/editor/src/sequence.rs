@@ -132,7 +132,10 @@ impl Sequence {
         fps: Option<f32>,
     ) -> Result<Sequence> {
         if look.timeline.keys.is_empty() {
-            bail!("the look has no timeline: add keys to it in the editor, or write them into its `timeline`");
+            bail!(
+                "the look has no timeline, and # in the name asks for frames of one: add keys to it in the editor, or write them into its \
+                 `timeline`; for one picture leave out #"
+            );
         }
         let fps = fps.unwrap_or(look.timeline.fps);
         let frames = frames.unwrap_or(0..=last_frame(&look, fps));
@@ -257,7 +260,8 @@ mod tests {
         let mut look = Look::default();
         look.keep("A");
         let pattern = || Pattern::new(Path::new("f#.exr")).unwrap();
-        assert!(Sequence::new(look.clone(), pattern(), None, None).is_err(), "no keys");
+        let Err(error) = Sequence::new(look.clone(), pattern(), None, None) else { panic!("it has no keys") };
+        assert!(error.to_string().contains("no timeline, and # in the name"), "{error}");
         look.timeline.add(Key { secs: 2.0, look: "A".into(), ease: Ease::Smooth });
         let of = |frames, fps| Sequence::new(look.clone(), pattern(), frames, fps);
         assert_eq!(of(None, None).unwrap().frames, 0..=48);

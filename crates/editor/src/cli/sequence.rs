@@ -62,9 +62,15 @@ fn parse_fps(text: &str) -> Result<f32, String> {
     fps.map(|fps| fps as f32).ok_or_else(|| format!("write {} to {}", FPS.start(), FPS.end()))
 }
 
-/// Refuses options that mean nothing to frames.
+/// Refuses frames of no look, and options that mean nothing to frames.
 fn refuse_others(args: &RelightArgs) -> Result<()> {
     let options = &args.options;
+    if options.look.is_none() {
+        bail!(
+            "# in {} asks for the frames of a timeline, which is that of a look; name one with --look, or leave out # for one picture",
+            options.output.display()
+        );
+    }
     if options.layers.iter().any(|layer| *layer != Layers::None) {
         bail!("frames hold no layers; leave out --layers, or relight one moment with --at");
     }
