@@ -55,8 +55,8 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
         (None, Some(scene)) => bake_scene(scene, output, args, console)?,
         (None, None) => bail!("name a scene, or a folder of pictures with --images"),
     };
-    if args.scene.is_some() && bake.is_dark() {
-        console.warn(&black_words("the picture is"));
+    if bake.is_dark() {
+        console.warn(&black_words("the picture is", &bake.header.basis));
     }
     let mut answer = baked(&bake, times, &args.options, console)?;
     if let Some(earlier) = earlier {

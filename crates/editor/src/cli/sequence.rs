@@ -116,7 +116,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     let file = sequence.options.window([header.width, header.height])?;
     let (begun, n_frames) = (Instant::now(), sequence.n_frames());
     let written = written(&sequence, &mut stills, &header.basis, console)?;
-    console.warn_all(written.warning());
+    console.warn_all(written.warning(&header.basis));
     stills.relighter().into_iter().for_each(|relighter| relighter.warn_of_refusal(console));
     let device = stills.relighter().map_or_else(String::new, |relighter| format!(" on the {}", relighter.words()));
     let (secs, output) = (begun.elapsed().as_secs_f64(), options.output.display().to_string());
