@@ -276,6 +276,22 @@ fn a_picture_that_is_black_although_lights_are_on_is_told() {
 }
 
 #[test]
+fn a_transport_that_cannot_be_read_is_told_with_its_path() {
+    let desk = Desk::new();
+    std::fs::create_dir(desk.path("folder.transport")).unwrap();
+    for name in ["none", "folder"] {
+        for command in [
+            "relight @X.transport -o @a.exr",
+            "sensors @X.transport",
+            "bake @room.glb -o @b.transport --reuse @X.transport",
+        ] {
+            desk.fails(&command.replace('X', name), 1, "check the path");
+        }
+    }
+    desk.fails("info @none.transport", 1, "check the path");
+}
+
+#[test]
 fn info_of_a_look_tells_its_lamps() {
     let desk = Desk::new();
     let lamp = r#"{"key": "Desk", "type": "spot", "position": [0, 2, 0], "aim": [0, 0, 0], "outer_deg": 30, "strength": 800, "muted": true}"#;

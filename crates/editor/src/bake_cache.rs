@@ -128,7 +128,7 @@ impl BakeCache {
             // Another editor let go of it meanwhile.
             Err(_) if !path.exists() => Found::Nothing,
             // It may be whole: the system cannot read it now.
-            Err(error @ ArchiveError::Io { .. }) => {
+            Err(error @ ArchiveError::Read { .. }) => {
                 Found::SetAside(format!("a kept bake could not be read, and stays for another time: {error}"))
             }
             Err(error) => {

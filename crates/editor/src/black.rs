@@ -5,12 +5,14 @@ use clerestory_transport::basis::{ColumnGroup, ColumnKind, LightBasis};
 use clerestory_transport::light::{LightRig, LightSetting};
 use glam::Vec3;
 
-/// Said of pictures of which nothing can be seen, such as "the picture is".
-pub(crate) fn black_words(which: &str) -> String {
-    format!(
-        "{which} black: no light reaches what the camera sees; see whether a lamp or the camera stands inside of something, or \
-         looks away"
-    )
+/// Said of pictures of which nothing can be seen, such as "the picture is", under the lights of a basis.
+pub(crate) fn black_words(which: &str, basis: &LightBasis) -> String {
+    let why = if basis.is_measured() {
+        "nothing of the lights that are on is in the pictures that were baked; see whether those are black themselves, or turn other lights on"
+    } else {
+        "no light reaches what the camera sees; see whether a lamp or the camera stands inside of something, or looks away"
+    };
+    format!("{which} black: {why}")
 }
 
 /// Whether a picture is black in every pixel although lights are on.
@@ -35,6 +37,14 @@ mod tests {
     use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 
     use super::*;
+
+    #[test]
+    fn photographs_that_are_black_are_not_told_of_lamps_inside_of_something() {
+        let words = |kind| black_words("frame 3 is", &LightBasis::new(vec![LightSource::plain("a", kind, 0..1)]));
+        let (of_pictures, of_scenes) = (words(SourceKind::Image), words(SourceKind::Sky));
+        assert!(of_pictures.starts_with("frame 3 is black: ") && of_pictures.contains("turn other lights on"));
+        assert!(!of_pictures.contains("inside of something") && of_scenes.contains("inside of something"));
+    }
 
     #[test]
     fn unlit_surfaces_and_muted_lamps_are_no_light_that_is_on() {

@@ -16,7 +16,7 @@ use serde_json::json;
 use crate::action::is_transport;
 use crate::app::without_window;
 use crate::cli::args::{BakeOptions, ViewArgs};
-use crate::cli::bake::{BakeTimes, baked, job, merge, open_stack, run_with_progress, stack_job};
+use crate::cli::bake::{BakeTimes, baked, job, merge, open_stack, run_stack, run_with_progress};
 use crate::cli::lamps::warn_of_lacking;
 use crate::cli::view::{
     files_of_look, load_look, load_scene, prepare_view, requested_sky, spare_files, spare_scene_by_all, warn_of_black,
@@ -29,7 +29,6 @@ use crate::look::scene::SceneChoice;
 use crate::look::snapshot::Snapshot;
 use crate::look::{Look, Units, numbered_name};
 use crate::output::spare_inputs;
-use crate::platform::memory_bytes;
 use crate::session::Source;
 use crate::session::lamps::LampView;
 use crate::stills::{Size, Stills, Subject};
@@ -43,6 +42,9 @@ pub const GALLERY_LOOKS: [(&str, &str); 3] = [
     ("evening", include_str!("../../../assets/looks/evening.look")),
     ("exhibition", include_str!("../../../assets/looks/exhibition.look")),
 ];
+
+/// Three looks that make sense for any scene: as it is, all lamps warm, all lamps cool. By name and kelvin.
+const PLAIN_LOOKS: [(&str, Option<f32>); 3] = [("as-designed", None), ("warm", Some(2700.0)), ("cool", Some(8000.0))];
 
 /// Folder of the frames, in the current one.
 const FOLDER: &str = "frames";
@@ -220,12 +222,15 @@ fn images(folder: &Path, file: Option<&LookFile>, console: &mut Console) -> Resu
     }
     let options = options();
     let stack = open_stack(folder, console)?;
-    let job = stack_job(&stack, &options);
-    job.check_memory(memory_bytes())?;
-    let (bake, times) = run_with_progress(console, &options, &nothing_kept, |on_event| job.run(on_event))?;
-    let mut looks = of_file.unwrap_or_else(|| plain_looks(&bake.header.basis));
+    let names: Vec<&str> = match &of_file {
+        Some(looks) => looks.iter().map(|(name, _)| name.as_str()).collect(),
+        None => PLAIN_LOOKS.map(|(name, _)| name).into(),
+    };
     let pictures = || stack.images.iter().map(|image| ("picture", image.path.as_path()));
-    looks.iter().flat_map(|(name, _)| frame_places(name)).try_for_each(|place| spare_inputs(&place, pictures()))?;
+    names.into_iter().flat_map(frame_places).try_for_each(|place| spare_inputs(&place, pictures()))?;
+    let (bake, times) =
+        run_stack(&stack, &options, &nothing_kept, console, |surveyed, on_event| surveyed.run(on_event))?;
+    let mut looks = of_file.unwrap_or_else(|| plain_looks(&bake.header.basis));
     heed(&bake.header.basis, &mut looks, console);
     Ok(Baked { bake, times, options, looks, view: None })
 }
@@ -278,7 +283,7 @@ fn gallery_looks() -> Result<Vec<(String, Look)>> {
     GALLERY_LOOKS.into_iter().map(read).collect()
 }
 
-/// Three looks that make sense for any scene: as it is, all lamps warm, all lamps cool.
+/// The plain looks with the lights of a basis.
 fn plain_looks(basis: &LightBasis) -> Vec<(String, Look)> {
     let tinted = |kelvin: f32| {
         let mut look = Look::of_file(basis);
@@ -287,8 +292,8 @@ fn plain_looks(basis: &LightBasis) -> Vec<(String, Look)> {
         }
         look
     };
-    let looks = [("as-designed", Look::of_file(basis)), ("warm", tinted(2700.0)), ("cool", tinted(8000.0))];
-    looks.map(|(name, look)| (name.to_owned(), look)).into()
+    let look = |kelvin: Option<f32>| kelvin.map_or_else(|| Look::of_file(basis), tinted);
+    PLAIN_LOOKS.map(|(name, kelvin)| (name.to_owned(), look(kelvin))).into()
 }
 
 fn write_frames(subject: Subject, looks: &[(String, Look)], console: &mut Console) -> Result<Vec<PathBuf>> {

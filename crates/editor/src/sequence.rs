@@ -110,12 +110,12 @@ impl Written {
         }
     }
 
-    /// What is said where frames are black although lights are on.
-    pub fn warning(&self) -> Option<String> {
+    /// What is said where frames are black although lights of the basis are on.
+    pub fn warning(&self, basis: &LightBasis) -> Option<String> {
         let (first, n_black) = self.black?;
         Some(match n_black {
-            1 => black_words(&format!("frame {first} is")),
-            _ => black_words(&format!("{n_black} of {} frames, from frame {first} on, are", self.n_frames)),
+            1 => black_words(&format!("frame {first} is"), basis),
+            _ => black_words(&format!("{n_black} of {} frames, from frame {first} on, are", self.n_frames), basis),
         })
     }
 }
@@ -132,7 +132,10 @@ impl Sequence {
         fps: Option<f32>,
     ) -> Result<Sequence> {
         if look.timeline.keys.is_empty() {
-            bail!("the look has no timeline: add keys to it in the editor, or write them into its `timeline`");
+            bail!(
+                "the look has no timeline, and # in the name asks for frames of one: add keys to it in the editor, or write them into its \
+                 `timeline`; for one picture leave out #"
+            );
         }
         let fps = fps.unwrap_or(look.timeline.fps);
         let frames = frames.unwrap_or(0..=last_frame(&look, fps));
@@ -256,7 +259,8 @@ mod tests {
         let mut look = Look::default();
         look.keep("A");
         let pattern = || Pattern::new(Path::new("f#.exr")).unwrap();
-        assert!(Sequence::new(look.clone(), pattern(), None, None).is_err(), "no keys");
+        let Err(error) = Sequence::new(look.clone(), pattern(), None, None) else { panic!("it has no keys") };
+        assert!(error.to_string().contains("no timeline, and # in the name"), "{error}");
         look.timeline.add(Key { secs: 2.0, look: "A".into(), ease: Ease::Smooth });
         let of = |frames, fps| Sequence::new(look.clone(), pattern(), frames, fps);
         assert_eq!(of(None, None).unwrap().frames, 0..=48);
@@ -267,12 +271,12 @@ mod tests {
 
     #[test]
     fn black_frames_are_counted_from_the_first_on() {
-        let mut written = Written::default();
+        let (mut written, basis) = (Written::default(), LightBasis::default());
         [false, false, true].into_iter().zip(5..).for_each(|(is_black, frame)| written.count(frame, is_black));
-        assert!(written.warning().unwrap().starts_with("frame 7 is black: "));
+        assert!(written.warning(&basis).unwrap().starts_with("frame 7 is black: "));
         written.count(8, true);
-        assert!(written.warning().unwrap().starts_with("2 of 4 frames, from frame 7 on, are black: "));
-        assert_eq!((Written::default().warning(), written.n_frames), (None, 4));
+        assert!(written.warning(&basis).unwrap().starts_with("2 of 4 frames, from frame 7 on, are black: "));
+        assert_eq!((Written::default().warning(&basis), written.n_frames), (None, 4));
     }
 
     #[test]

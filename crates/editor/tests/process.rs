@@ -211,6 +211,25 @@ fn without_a_display_frames_that_are_black_are_told() {
     assert!(told.contains("the picture of as-designed is black"), "{told}");
 }
 
+#[test]
+fn without_a_display_pictures_are_told_of_as_bake_tells_and_keep_their_places() {
+    let folder = desk();
+    std::fs::create_dir(folder.path().join("stage")).unwrap();
+    for name in ["a", "b"] {
+        let picture = image::RgbImage::from_pixel(16, 12, image::Rgb([188; 3]));
+        picture.save(folder.path().join(format!("stage/{name}.png"))).unwrap();
+    }
+    let told = answer(folder.path(), "stage")["warnings"].to_string();
+    assert!(told.contains("2 of 2 pictures are PNG or JPEG"), "{told}");
+    // A picture that is cut off is found by who reads it.
+    std::fs::create_dir_all(folder.path().join("cut/frames")).unwrap();
+    let head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8 +X 16\n";
+    std::fs::write(folder.path().join("cut/frames/warm.exr"), head).unwrap();
+    let output = run(&folder.path().join("cut"), "frames");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(1) && said.contains("would overwrite the picture"), "{said}");
+}
+
 /// Elsewhere nothing says where the state of the window is.
 #[cfg(target_os = "linux")]
 #[test]

@@ -128,6 +128,7 @@ fn frames_do_not_take_the_place_of_what_is_read() {
     refused(folder, &[to("f.exr"), vec!["--frames", "0..1"]].concat(), "write # for the digits");
     refused(folder, &[to("g_#.exr"), vec!["--name", "Day"]].concat(), "leave them out to write frames");
     refused(folder, &[to("g_#.exr"), vec!["--lamp-samples", "8"]].concat(), "--lamp-samples is for one picture");
+    refused(folder, &["relight", "room.transport", "-o", "take#2.png"], "# in take#2.png asks for the frames");
     refused(folder, &[to("g.exr"), vec!["--name", "Noon"]].concat(), "it has `Day`, `Red night`");
     refused(folder, &["relight", "room.transport", "-o", "g.exr", "--preset", "noon"], "dusk");
 }

@@ -62,6 +62,14 @@ pub enum ArchiveError {
         /// Its answer.
         source: io::Error,
     },
+    /// The operating system does not let a finished bake be read.
+    #[error("cannot read `{path}`: {source}; check the path and that it may be read")]
+    Read {
+        /// Which file.
+        path: PathBuf,
+        /// Its answer.
+        source: io::Error,
+    },
     /// Not a file of ours.
     #[error("`{path}` is not a .transport file; make one with `clerestory bake SCENE -o FILE.transport`")]
     NotATransport {
@@ -346,7 +354,8 @@ pub fn read(path: &Path) -> Result<Bake, ArchiveError> {
 /// # Errors
 /// See [`ArchiveError`].
 pub fn read_within(memory_bytes: Option<u64>, path: &Path) -> Result<Bake, ArchiveError> {
-    decode_within(memory_bytes, &fs::read(path).map_err(at("cannot read", path))?, path)
+    let bytes = fs::read(path).map_err(|source| ArchiveError::Read { path: path.into(), source })?;
+    decode_within(memory_bytes, &bytes, path)
 }
 
 /// Whether a file begins as `.transport` files do, whatever it is called. Of a pipe nothing is read.

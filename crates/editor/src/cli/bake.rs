@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use clerestory_transport::archive::{self, ArchiveError, Restart};
-use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
+use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob, SurveyedStack};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Indirect, Passes};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::import::stack::ImageStack;
@@ -55,8 +55,8 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
         (None, Some(scene)) => bake_scene(scene, output, args, console)?,
         (None, None) => bail!("name a scene, or a folder of pictures with --images"),
     };
-    if args.scene.is_some() && bake.is_dark() {
-        console.warn(&black_words("the picture is"));
+    if bake.is_dark() {
+        console.warn(&black_words("the picture is", &bake.header.basis));
     }
     let mut answer = baked(&bake, times, &args.options, console)?;
     if let Some(earlier) = earlier {
@@ -135,18 +135,37 @@ fn bake_images(folder: &Path, output: &Path, args: &BakeArgs, console: &mut Cons
     let stack = open_stack(folder, console)?;
     let inputs: Vec<_> = stack.images.iter().map(|image| ("picture", image.path.as_path())).collect();
     reserve(output, &inputs)?;
-    let mut remarks = Vec::new();
-    let job = stack_job(&stack, &args.options);
-    job.check_memory(memory_bytes())?;
     let kept = || left_behind(output, restart(&args.options));
-    let baked = run_with_progress(console, &args.options, &kept, |on_event| {
+    let (bake, times) = run_stack(&stack, &args.options, &kept, console, |surveyed, on_event| {
+        archive::stack_to_file(surveyed, output, restart(&args.options), on_event)
+    })
+    .with_context(|| format!("cannot bake {} to {}", folder.display(), output.display()))?;
+    Ok((bake, times, None))
+}
+
+/// Reads a stack, bakes it by `run`, and says what was done with the numbers of its pictures, also where that fails. `kept` is as in
+/// [`run_with_progress`].
+pub(crate) fn run_stack<R>(
+    stack: &Arc<ImageStack>,
+    options: &BakeOptions,
+    kept: &(dyn Fn() -> String + Sync),
+    console: &mut Console,
+    run: R,
+) -> Result<(Bake, BakeTimes)>
+where
+    R: FnOnce(SurveyedStack, &mut (dyn FnMut(BakeEvent) -> ControlFlow<()> + Send)) -> Result<Option<Bake>, BakeError>
+        + Send,
+{
+    let job = stack_job(stack, options);
+    job.check_memory(memory_bytes())?;
+    let mut remarks = Vec::new();
+    let baked = run_with_progress(console, options, kept, |on_event| {
         let Some(surveyed) = job.survey(on_event)? else { return Ok(None) };
         remarks = surveyed.remarks();
-        archive::stack_to_file(surveyed, output, restart(&args.options), on_event)
+        run(surveyed, on_event)
     });
     console.warn_all(remarks);
-    let (bake, times) = baked.with_context(|| format!("cannot bake {} to {}", folder.display(), output.display()))?;
-    Ok((bake, times, None))
+    baked
 }
 
 /// Opens a folder of pictures and says what else is in it.
@@ -157,7 +176,7 @@ pub(crate) fn open_stack(folder: &Path, console: &mut Console) -> Result<Arc<Ima
 }
 
 /// The job that was asked for.
-pub(crate) fn stack_job(stack: &Arc<ImageStack>, options: &BakeOptions) -> StackJob {
+fn stack_job(stack: &Arc<ImageStack>, options: &BakeOptions) -> StackJob {
     let BakeOptions { tolerance: tolerance_db, method, block, .. } = *options;
     let (stack, seed) = (stack.clone(), options.view.seed);
     StackJob { stack, tolerance_db, method, block, seed, memory_bytes: MEMORY_BYTES }

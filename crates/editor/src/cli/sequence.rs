@@ -62,9 +62,15 @@ fn parse_fps(text: &str) -> Result<f32, String> {
     fps.map(|fps| fps as f32).ok_or_else(|| format!("write {} to {}", FPS.start(), FPS.end()))
 }
 
-/// Refuses options that mean nothing to frames.
+/// Refuses frames of no look, and options that mean nothing to frames.
 fn refuse_others(args: &RelightArgs) -> Result<()> {
     let options = &args.options;
+    if options.look.is_none() {
+        bail!(
+            "# in {} asks for the frames of a timeline, which is that of a look; name one with --look, or leave out # for one picture",
+            options.output.display()
+        );
+    }
     if options.layers.iter().any(|layer| *layer != Layers::None) {
         bail!("frames hold no layers; leave out --layers, or relight one moment with --at");
     }
@@ -110,7 +116,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     let file = sequence.options.window([header.width, header.height])?;
     let (begun, n_frames) = (Instant::now(), sequence.n_frames());
     let written = written(&sequence, &mut stills, &header.basis, console)?;
-    console.warn_all(written.warning());
+    console.warn_all(written.warning(&header.basis));
     stills.relighter().into_iter().for_each(|relighter| relighter.warn_of_refusal(console));
     let device = stills.relighter().map_or_else(String::new, |relighter| format!(" on the {}", relighter.words()));
     let (secs, output) = (begun.elapsed().as_secs_f64(), options.output.display().to_string());

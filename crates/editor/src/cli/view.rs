@@ -298,7 +298,7 @@ pub(crate) fn warn_of_black(
     console: &mut Console,
 ) {
     if is_black(radiance, basis, rig) {
-        console.warn(&black_words(which));
+        console.warn(&black_words(which, basis));
     }
 }
 

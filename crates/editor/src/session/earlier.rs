@@ -64,7 +64,7 @@ fn missed_words(header: &BakeHeader, figures: &Figures) -> Option<String> {
 pub(super) fn baked_words(bake: &Bake, figures: &Figures) -> String {
     let baked = format!("Baked at {:.1} dB", figures.error_db.total);
     if bake.is_dark() {
-        return format!("{baked}; {}", black_words("the picture is"));
+        return format!("{baked}; {}", black_words("the picture is", &bake.header.basis));
     }
     let baked = match figures.skipped.reused_columns {
         0 => baked,

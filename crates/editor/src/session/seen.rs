@@ -59,7 +59,7 @@ impl Seen {
         };
         picture.save(path, options)?;
         let is_black = is_black(&radiance, &self.bake.header.basis, &self.look.lights);
-        let black = is_black.then(|| black_words("the picture is"));
+        let black = is_black.then(|| black_words("the picture is", &self.bake.header.basis));
         let words: Vec<String> = black.into_iter().chain(picture.layer_remarks()).collect();
         Ok((!words.is_empty()).then(|| words.join("; ")))
     }

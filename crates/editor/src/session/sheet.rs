@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
+use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::Film;
 
 use super::task::Post;
@@ -20,9 +21,12 @@ const WIDTH_PX: u32 = 960;
 
 /// Writes the sheet and says so, unless it is no longer wanted.
 pub(super) fn write(snapshots: &[Snapshot], subject: Subject, path: &Path, post: &Post) {
+    let header = subject.bake.header.clone();
     let written = sheet(snapshots, subject, path, &|| !post.is_wanted());
     post.written(written.map(|black| match black {
-        Some(black) => (format!("Saved {} looks on {}", snapshots.len(), path.display()), warning(&black)),
+        Some(black) => {
+            (format!("Saved {} looks on {}", snapshots.len(), path.display()), warning(&black, &header.basis))
+        }
         None => (format!("{} was not saved", path.display()), None),
     }));
 }
@@ -64,10 +68,10 @@ fn sheet<'a>(
 }
 
 /// What is said of looks whose pictures are black.
-fn warning(black: &[&str]) -> Option<String> {
+fn warning(black: &[&str], basis: &LightBasis) -> Option<String> {
     match black {
         [] => None,
-        [name] => Some(black_words(&format!("the picture of {name} is"))),
-        names => Some(black_words(&format!("the pictures of {} are", names.join(", ")))),
+        [name] => Some(black_words(&format!("the picture of {name} is"), basis)),
+        names => Some(black_words(&format!("the pictures of {} are", names.join(", ")), basis)),
     }
 }

@@ -444,5 +444,5 @@ pub(super) fn write_frames(sequence: &Sequence, subject: Subject, post: &Post) {
         n if n == n_frames => format!("Saved {n} frames up to {}", last.display()),
         n => format!("{n} of {n_frames} frames were saved"),
     };
-    post.written(written.map(|written| (words(written), written.warning())));
+    post.written(written.map(|written| (words(written), written.warning(&header.basis))));
 }
