@@ -670,6 +670,32 @@ fn a_lamp_that_is_added_is_not_called_as_one_of_a_look_that_was_kept() {
     assert_eq!(lamps(&window)[0].key, "Point lamp 2");
 }
 
+#[test]
+fn a_lamp_that_is_added_is_not_held_by_what_was_wished_of_one_that_was_deleted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("globes.look");
+    let globe = json!({"key": "Point lamp 1", "type": "point", "position": [0, 0.2, 0], "strength": 40});
+    let look = json!({"clerestory": 1, "lamps": [globe], "wishes": {"held": ["Point lamp 1", "lamp"]}});
+    std::fs::write(&path, look.to_string()).unwrap();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path)));
+    wait(&mut window, |app| app.look().wishes.held.len() == 2 && app.is_settled());
+    let at = window.get_by_label("Mute Point lamp 1").rect().right_center() + vec2(20.0, 0.0);
+    click_at(&mut window, at, Modifiers::NONE);
+    let before = window.state().look().clone();
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    let held = |window: &Window| Vec::from_iter(window.state().look().wishes.held.clone());
+    assert_eq!((lamps(&window).len(), held(&window)), (0, vec!["lamp".to_owned()]));
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), before, "it is held again");
+    window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+    window.run_steps(3);
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    assert_eq!((lamps(&window)[0].key.as_str(), held(&window)), ("Point lamp 1", vec!["lamp".to_owned()]));
+}
+
 /// Drags the lamp of the file to the wall on the left.
 fn drag_to_the_wall(window: &mut Window) {
     let (at, wall) = (Vec3::new(0.3, 0.6, -0.2), Vec3::new(-1.0, -0.2, -0.8));
