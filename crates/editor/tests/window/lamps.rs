@@ -243,6 +243,65 @@ fn an_arrow_drags_along_its_axis_and_esc_puts_back() {
     assert_eq!(lamps(&window)[0].position, across, "a drag that was put back is over");
 }
 
+/// Takes something and pulls it in some steps, without letting go; answers where the pointer is.
+fn hold(window: &mut Window, label: &str, step: Vec2) -> Pos2 {
+    let from = middle(window, label);
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    window.run_steps(2);
+    for nth in 1..4 {
+        window.hover_at(from + nth as f32 * step);
+        window.run_steps(2);
+    }
+    from + 3.0 * step
+}
+
+/// Takes over the first look, and goes on with what was a drag: through Esc, and until the button comes up.
+fn go_on_in_the_first_look(window: &mut Window, at: Pos2, step: Vec2) {
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Num1);
+    window.run_steps(4);
+    window.hover_at(at + step);
+    window.run_steps(2);
+    window.key_press(Key::Escape);
+    window.run_steps(2);
+    window.drop_at(at + step);
+    window.run_steps(3);
+}
+
+#[test]
+fn a_lamp_that_is_dragged_stays_in_its_look_where_another_one_comes() {
+    let mut window = with_lamp("Point");
+    click(&mut window, "Keep look");
+    let kept = lamps(&window);
+    pull(&mut window, "Move Point lamp 1 along X", vec2(60.0, 25.0));
+    let before = lamps(&window);
+    let step = vec2(0.0, -20.0);
+    let at = hold(&mut window, "Move Point lamp 1 along Y", step);
+    let dragged = lamps(&window);
+    assert!(dragged != before && before != kept);
+    go_on_in_the_first_look(&mut window, at, step);
+    assert_eq!(lamps(&window), kept);
+    click(&mut window, "Undo");
+    assert_eq!(lamps(&window), dragged, "the drag was a step of its own");
+}
+
+#[test]
+fn what_is_dragged_in_the_list_is_not_carried_into_another_look() {
+    for label in ["Point lamp 1 strength", "Point lamp 1 intensity"] {
+        let mut window = with_lamp("Point");
+        click(&mut window, "Keep look");
+        let kept = lamps(&window);
+        window.get_by_label(label).scroll_to_me();
+        window.run_steps(8);
+        let step = vec2(10.0, 0.0);
+        let at = hold(&mut window, label, step);
+        assert!(lamps(&window) != kept, "{label}");
+        go_on_in_the_first_look(&mut window, at, step);
+        assert_eq!(lamps(&window), kept, "{label}");
+    }
+}
+
 #[test]
 fn a_lamp_that_is_dragged_stays_where_it_is_once_the_camera_is_in_hand() {
     let mut window = with_lamp("Point");
