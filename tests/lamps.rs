@@ -228,6 +228,35 @@ fn lamps_that_are_muted_need_neither_scene_nor_files() {
 }
 
 #[test]
+fn a_muted_lamp_with_the_key_of_a_light_of_the_scene_changes_nothing() {
+    let desk = Desk::new();
+    desk.json("bake @room.glb -o @room.transport --size 8x6 --spp 1 --work-plane 0.5:0.4");
+    let lamp = |key: &str, muted: bool| {
+        let position = [0.0, 0.5, 0.0];
+        json!({ "key": key, "type": "point", "position": position, "strength": 5, "unit": "lm", "muted": muted })
+    };
+    let cases = [("plain", json!([lamp("bulb", false)])), ("odd", json!([lamp("bulb", false), lamp("warm", true)]))];
+    let [plain, odd] = cases.map(|(name, lamps)| {
+        let timeline = json!({ "keys": [{ "time": 0, "look": "Day" }] });
+        let kept = json!([{ "name": "Day", "lamps": lamps }]);
+        let look = json!({ "clerestory": 1, "lamps": lamps, "looks": kept, "timeline": timeline });
+        std::fs::write(desk.path(&format!("{name}.look")), look.to_string()).unwrap();
+        let relight = format!("relight @room.transport --look @{name}.look --scene @room.glb --device cpu");
+        desk.json(&format!("{relight} -o @{name}.exr"));
+        desk.json(&format!("{relight} -o @{name}_#.exr"));
+        desk.json(&format!("trace @room.glb --look @{name}.look -o @{name}-traced.exr --size 8x6 --spp 1"));
+        let read = desk.json(&format!("sensors @room.transport --look @{name}.look --scene @room.glb"));
+        let sum = |file: &str| read_exr(&desk.path(file)).unwrap().pixels.as_flattened().iter().sum::<f32>();
+        let pictures = [".exr", "_0.exr", "-traced.exr"].map(|end| sum(&format!("{name}{end}")));
+        (pictures, read["grids"][0]["average_lux"].as_f64().unwrap())
+    });
+    for (plain, odd) in plain.0.into_iter().zip(odd.0) {
+        assert!(plain > 0.0 && (odd - plain).abs() < 1e-3 * plain, "{odd} is not {plain}");
+    }
+    assert!(plain.1 > 0.0 && (odd.1 - plain.1).abs() < 1e-3 * plain.1, "{} is not {}", odd.1, plain.1);
+}
+
+#[test]
 fn lamps_light_a_bake_whose_own_lamps_have_no_units() {
     let desk = lit_by("a.look", &two_lamps());
     desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 4 --unitless"));

@@ -3,6 +3,7 @@
 mod camera;
 mod choices;
 mod daylight;
+mod drags;
 mod export;
 mod files;
 mod floor;
@@ -465,7 +466,7 @@ impl eframe::App for App {
         let asked = self.asked(ctx);
         self.actions.extend(asked);
         self.follow_work_plane();
-        for action in std::mem::take(&mut self.actions) {
+        for action in self.due(ctx) {
             self.apply(ctx, action);
         }
         self.follow_opening();

@@ -111,7 +111,7 @@ impl Schedule {
             )
         };
         let of_source = |source: &LightSource| {
-            let setting = look.lights.setting(&source.key);
+            let setting = look.lights.light_setting(&source.key);
             let emitter = scene.and_then(|scene| {
                 let nth = scene.lighting.basis.sources.iter().position(|own| own.key == source.key)?;
                 scene.lighting.emitters.get(nth)

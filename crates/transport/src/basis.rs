@@ -257,7 +257,7 @@ impl LightBasis {
         let mut coefficients = vec![[0.0; 3]; self.n_cols()];
         for source in &self.sources {
             let columns = &mut coefficients[source.columns.start as usize..source.columns.end as usize];
-            let setting = rig.setting(&source.key);
+            let setting = rig.light_setting(&source.key);
             match (source.kind, self.spots_of(rig, &source.key)) {
                 (SourceKind::Dome { divisions }, _) => self.project_dome(rig, divisions, columns),
                 (SourceKind::Sun { .. }, _) => columns.fill(self.project_sun(rig, setting, source).to_array()),

@@ -151,6 +151,11 @@ impl LightRig {
         self.in_groups(key, self.own_setting(key))
     }
 
+    /// What a light of the scene is set to by itself and by its groups: a free lamp with its key is another light.
+    pub fn light_setting(&self, key: &str) -> LightSetting {
+        self.in_groups(key, self.lights.get(key).copied().unwrap_or_default())
+    }
+
     /// Whether a light of the scene is dark because a free lamp shines in its place.
     pub fn is_replaced(&self, key: &str) -> bool {
         self.lights.get(key).is_some_and(|setting| setting.muted)
@@ -320,6 +325,18 @@ mod tests {
         assert!(rig.setting("b").muted && !rig.setting("a").muted);
         rig.set("a", LightSetting::default());
         assert!(rig.lights.is_empty(), "what equals the scene leaves no trace");
+    }
+
+    #[test]
+    fn a_lamp_with_the_key_of_a_light_of_the_scene_does_not_set_it() {
+        let setting = LightSetting { muted: true, ..LightSetting::default() };
+        let lamps = vec![FreeLamp { setting, ..lamp("a", None) }];
+        let mut rig = LightRig { lamps, ..LightRig::default() };
+        assert!(rig.setting("a").muted && !rig.light_setting("a").muted);
+        rig.lights.insert("a".into(), LightSetting { intensity: 3.0, ..LightSetting::default() });
+        let group = LightGroup { lights: ["a".to_owned()].into(), intensity: 0.5, muted: false };
+        rig.groups.insert("one".into(), group);
+        assert_eq!(rig.light_setting("a"), LightSetting { intensity: 1.5, ..LightSetting::default() });
     }
 
     #[test]

@@ -101,7 +101,9 @@ impl Lamplight {
             self.n_orders += 1;
             let shows_arriving = shown == Some(Quantity::Illuminance);
             let (view, lamps, serial) = (view.clone(), shining.clone(), self.n_orders);
-            self.worker.order(LampOrder { view, lamps, shows_arriving, serial });
+            let replaced = self.worker.order(LampOrder { view, lamps, shows_arriving, serial });
+            // No light comes of one that was not begun.
+            self.to_come.retain(|(serial, _)| replaced.as_ref().is_none_or(|order| order.serial != *serial));
             self.to_come.push_back((serial, rig.clone()));
             self.ordered = Some(Ordered { rig: rig.clone(), shining });
         }
@@ -110,6 +112,10 @@ impl Lamplight {
         let waits = |ordered: &Ordered| is_pending && is_same_but_for_lamps(&ordered.rig, rig);
         if !self.ordered.as_ref().is_some_and(waits) {
             self.answered = rig.clone();
+            // Nor does it go back to how they were when light was ordered that is still to come.
+            for (_, to_come) in &mut self.to_come {
+                *to_come = LightRig { lamps: std::mem::take(&mut to_come.lamps), ..rig.clone() };
+            }
         }
         self.answered.clone()
     }
@@ -148,14 +154,18 @@ impl Lamplight {
     /// Takes in the newest light, if it is of an order that still counts, and puts nothing out that is shown.
     fn take(&mut self) {
         let Some(light) = self.worker.take().filter(|light| light.serial >= self.oldest) else { return };
+        // Of orders before that one no light comes any more.
+        let n_past = self.to_come.partition_point(|(serial, _)| *serial < light.serial);
+        self.to_come.drain(..n_past);
         if puts_out(&light, self.light.as_ref(), &self.answered) {
             return;
         }
         let Some(ordered) = &self.ordered else { return };
         // Where lamps and other lights change together from frame to frame, newer orders are on their way: what is shown is as it was when
         // this light was ordered, not as it was before all of them.
-        let n_past = self.to_come.partition_point(|(serial, _)| *serial <= light.serial);
-        if let Some((_, rig)) = self.to_come.drain(..n_past).next_back() {
+        if self.to_come.front().is_some_and(|(serial, _)| *serial == light.serial)
+            && let Some((_, rig)) = self.to_come.pop_front()
+        {
             self.answered = rig;
         }
         self.light = Some(light);
@@ -310,6 +320,33 @@ mod tests {
         wait_for_answer(&n_answers);
         assert_eq!(lamplight.follow_in_view(&at(0.2), None), at(0.1), "the next one is on its way");
         assert!(lamplight.to_come.len() == 1 && lamplight.light.is_some());
+    }
+
+    #[test]
+    fn lights_that_were_changed_since_do_not_go_back_when_the_light_of_a_lamp_comes() {
+        let (mut lamplight, n_answers) = counted();
+        lamplight.view = Some(Arc::new(view()));
+        let at = |x: f32, sky: f32| {
+            let mut rig = LightRig { lamps: vec![tests::lamp("a", x)], ..LightRig::default() };
+            rig.set("sky", LightSetting { intensity: sky, ..LightSetting::default() });
+            rig
+        };
+        lamplight.follow_in_view(&at(0.1, 0.75), None);
+        assert_eq!(lamplight.follow_in_view(&at(0.1, 0.5), None), at(0.1, 0.5), "whoever changes it wants to see it");
+        wait_for_answer(&n_answers);
+        assert_eq!(lamplight.follow_in_view(&at(0.2, 0.5), None), at(0.1, 0.5));
+        assert!(lamplight.light.is_some());
+    }
+
+    #[test]
+    fn of_orders_that_nobody_began_nothing_is_kept() {
+        let (mut lamplight, _) = counted();
+        lamplight.view = Some(Arc::new(view()));
+        for nth in 0_u8..100 {
+            let lamps = vec![tests::lamp("a", 0.001 * f32::from(nth))];
+            lamplight.follow_in_view(&LightRig { lamps, ..LightRig::default() }, None);
+            assert!(lamplight.to_come.len() <= 3, "{} after {nth} orders", lamplight.to_come.len());
+        }
     }
 
     #[test]

@@ -226,11 +226,13 @@ impl App {
         self.look.lights.lamps.push(lamp);
     }
 
-    /// A name that no light has, nor a key that stands for another name: lamps of looks that were kept may have such.
+    /// A name that no light has, nor a key that stands for another name or is held: lamps of looks that were kept may have such, and what
+    /// is new may be solved.
     fn free_name(&self, stem: &str) -> String {
         let is_taken = |name: &str| {
             self.look.lights.lamps.iter().any(|lamp| lamp.key == name)
                 || self.look.names.iter().any(|(key, called)| key == name || called == name)
+                || self.look.wishes.held.contains(name)
                 || self.session.basis().is_some_and(|basis| basis.source(name).is_some())
         };
         numbered_name(stem, is_taken)

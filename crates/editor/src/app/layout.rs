@@ -245,8 +245,7 @@ impl App {
         self.picture_area = ui.available_rect_before_wrap();
         if self.camera.is_moving && self.session.lamp_scene().is_some() {
             // A drag that went on in a picture that is not there would jump to where the pointer is when that comes back.
-            self.lights.lamps.let_go();
-            self.view.let_go();
+            self.let_go();
             self.flight_ui(ui);
             let below = self.picture_area.with_min_y(self.picture_area.top() + CAMERA_BANNER);
             return solo_banner_ui(ui, below, &self.look, &mut self.lights.solo);

@@ -113,6 +113,7 @@ impl App {
         }
         look.scene = std::mem::take(&mut look.scene).or(&self.look.scene);
         self.daylight.stop();
+        self.let_go();
         // A moment of the timeline, and a key that is chosen there, are of the look before.
         self.looks.player.stop();
         self.looks.player.let_go();

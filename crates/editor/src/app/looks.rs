@@ -193,6 +193,7 @@ impl App {
         if let Some(name) = self.look.snapshots.get(idx).map(|snapshot| snapshot.name.clone()) {
             self.looks.player.stop();
             self.daylight.stop();
+            self.let_go();
             self.as_one_step(|app| app.look.take(idx));
             self.say(format!("The look “{name}” is on"));
         }

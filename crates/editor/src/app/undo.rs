@@ -107,6 +107,7 @@ impl App {
 
     fn go_to(&mut self, step: Step, words: &str) {
         self.messages.take_back();
+        self.let_go();
         let has_other_sky = step.sky != self.choices.sky;
         let of_sky = || has_other_sky.then(|| "sky".to_owned());
         let what = step.look.edit_words(&self.look).or_else(of_sky).unwrap_or_else(|| "camera".into());

@@ -184,15 +184,14 @@ impl LampLight {
     }
 }
 
-/// Where lamps shine that are to be added to a baked picture: the scene of the bake and its camera; none without lamps that are
-/// on.
+/// Where lamps that shine are to be added to a baked picture: the scene of the bake and its camera; none without lamps.
 pub(super) fn stage(
     bake: &Bake,
     lamps: &[FreeLamp],
     scene: Option<&Path>,
     console: &mut Console,
 ) -> Result<Option<(PreparedScene, Camera)>> {
-    if lamps.iter().all(|lamp| lamp.setting.muted) {
+    if lamps.is_empty() {
         return Ok(None);
     }
     if bake.header.basis.is_measured() {

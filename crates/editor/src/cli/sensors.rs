@@ -87,9 +87,9 @@ fn readings<'a>(bake: &'a Bake, light: (&LightRig, &AddedLux)) -> Result<Vec<Rea
 
 /// What the lamps of a look add, where the scene is named.
 fn added(args: &SensorsArgs, bake: &Bake, look: &Look, console: &mut Console) -> Result<AddedLux> {
-    let lamps = look.lights.lit_lamps();
+    let lamps = look.lights.shining_lamps();
     warn_of_no_lamps([&look.lights], args.scene.as_ref().map(|_| "--scene"), console);
-    if lamps.iter().all(|lamp| lamp.setting.muted) {
+    if lamps.is_empty() {
         return Ok(AddedLux::default());
     }
     let Some(scene) = args.scene.as_deref() else {

@@ -143,7 +143,7 @@ fn opened(args: &RelightArgs, sequence: &Sequence, console: &mut Console) -> Res
     }
     let rigs = sequence.look.snapshots.iter().map(|snapshot| &snapshot.lights);
     lamps::warn_of_no_lamps(rigs, lamps::options_of_lamps(args), console);
-    let all: Vec<_> = sequence.look.seen_in_time().flat_map(|snapshot| snapshot.lights.lit_lamps()).collect();
+    let all: Vec<_> = sequence.look.seen_in_time().flat_map(|snapshot| snapshot.lights.shining_lamps()).collect();
     let measures = bake.pixel_irradiance().is_some();
     let view = lamps::stage(&bake, &all, args.scene.as_deref(), console)?.map(|(scene, camera)| LampView {
         scene: Arc::new(scene),

@@ -29,7 +29,9 @@ impl Look {
     pub fn edit_words(&self, other: &Look) -> Option<String> {
         let apart = self.lamps_apart(other);
         let is_of_lamp = |path: &str, keys: &BTreeSet<&str>| {
-            path.starts_with("lamps.") || path.strip_prefix("names.").is_some_and(|key| keys.contains(key))
+            path.starts_with("lamps.")
+                || path.starts_with("wishes.held")
+                || path.strip_prefix("names.").is_some_and(|key| keys.contains(key))
         };
         let paths = self.differences(other);
         // Where lamps came or went, those behind them have other numbers.
@@ -204,6 +206,8 @@ mod tests {
         let bare = Look::default();
         assert_eq!(bare.edit_words(&look).as_deref(), Some("`Desk`"));
         assert_eq!(look.edit_words(&bare).as_deref(), Some("`Desk`"));
+        look.wishes.held.insert("Globe 1".into());
+        assert_eq!(bare.edit_words(&look).as_deref(), Some("`Desk`"), "and so does that it is held");
     }
 
     #[test]

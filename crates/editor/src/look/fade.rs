@@ -73,7 +73,7 @@ fn ungrouped(rig: &LightRig) -> LightRig {
     let lamps = rig.lit_lamps();
     let is_lamp = |key: &&String| lamps.iter().any(|lamp| lamp.key == **key);
     let keys = rig.lights.keys().chain(rig.groups.values().flat_map(|group| &group.lights).filter(|key| !is_lamp(key)));
-    let lights = keys.map(|key| (key.clone(), rig.setting(key))).collect();
+    let lights = keys.map(|key| (key.clone(), rig.light_setting(key))).collect();
     LightRig { lights, lamps, groups: BTreeMap::new(), ..rig.clone() }
 }
 

@@ -59,14 +59,15 @@ impl Look {
         self.lights.lamps.len().saturating_add(n_more) <= MAX_LAMPS
     }
 
-    /// Takes a free lamp out, with its places in groups, and with its name unless looks that were kept have it still. Answers what it was
-    /// called.
+    /// Takes a free lamp out, with its places in groups, and unless looks that were kept have it still with its name and as one that is held:
+    /// a later lamp may have its key. Answers what it was called.
     pub fn remove_lamp(&mut self, key: &str) -> String {
         self.lights.lamps.retain(|lamp| lamp.key != key);
         groups::leave(&mut self.lights, key);
         let name = self.name_of(key).to_owned();
         if !self.rigs().any(|rig| rig.lamps.iter().any(|lamp| lamp.key == key)) {
             self.names.remove(key);
+            self.wishes.held.remove(key);
         }
         name
     }
@@ -537,6 +538,18 @@ mod tests {
         look.snapshots[0].lights.lamps.truncate(1);
         assert_eq!(["a", "b"].map(|key| look.remove_lamp(key)), ["Desk", "Shelf"]);
         assert_eq!((look.name_of("a"), look.name_of("b")), ("Desk", "b"));
+    }
+
+    #[test]
+    fn a_lamp_that_is_deleted_is_held_no_longer_unless_looks_have_it_still() {
+        let mut look = Look::default();
+        look.lights.lamps = ["a", "b"].map(|key| lamp(key, LampShape::Point)).into();
+        look.wishes.held = ["a", "b", "of the file"].map(str::to_owned).into();
+        look.keep("Day");
+        look.snapshots[0].lights.lamps.truncate(1);
+        ["a", "b"].into_iter().for_each(|key| _ = look.remove_lamp(key));
+        let held: Vec<&str> = look.wishes.held.iter().map(String::as_str).collect();
+        assert_eq!(held, ["a", "of the file"]);
     }
 
     #[test]

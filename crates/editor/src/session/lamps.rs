@@ -193,7 +193,7 @@ fn is_interrupted(mailbox: &LampMailbox, view: &Arc<LampView>, work: Work) -> bo
     mail.closed || mail.order.as_ref().is_some_and(is_stale)
 }
 
-/// The next order, if one is to be taken: within a view none is before something of the last one was shown. Where its first picture takes
+/// The next order, if one is to be taken: within a view none is before something of the last one is shown. Where its first picture takes
 /// several passes, lamps that keep moving would never be seen. `None` where nobody wants any more.
 fn next_order(mailbox: &LampMailbox, bench: Option<&Bench>, idle: Idle) -> Option<Option<LampOrder>> {
     let is_under_way = |bench: &Bench| bench.owes_picture() && !is_interrupted(mailbox, &bench.view, Work::Shows);

@@ -95,9 +95,11 @@ impl<O: Send + 'static, A: Send + 'static> Clerk<O, A> {
 }
 
 impl<O, A> Clerk<O, A> {
-    /// Leaves an order; one that was not begun yet is replaced.
-    pub fn order(&self, order: O) {
-        self.order_after(|_| order);
+    /// Leaves an order; answers the one that it replaces, which was not begun yet.
+    pub fn order(&self, order: O) -> Option<O> {
+        let older = self.mailbox.lock().order.replace(order);
+        self.mailbox.posted.notify_one();
+        older
     }
 
     /// Leaves an order, made of the one that was not begun yet, if any.

@@ -243,6 +243,65 @@ fn an_arrow_drags_along_its_axis_and_esc_puts_back() {
     assert_eq!(lamps(&window)[0].position, across, "a drag that was put back is over");
 }
 
+/// Takes something and pulls it in some steps, without letting go; answers where the pointer is.
+fn hold(window: &mut Window, label: &str, step: Vec2) -> Pos2 {
+    let from = middle(window, label);
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    window.run_steps(2);
+    for nth in 1..4 {
+        window.hover_at(from + nth as f32 * step);
+        window.run_steps(2);
+    }
+    from + 3.0 * step
+}
+
+/// Takes over the first look, and goes on with what was a drag: through Esc, and until the button comes up.
+fn go_on_in_the_first_look(window: &mut Window, at: Pos2, step: Vec2) {
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Num1);
+    window.run_steps(4);
+    window.hover_at(at + step);
+    window.run_steps(2);
+    window.key_press(Key::Escape);
+    window.run_steps(2);
+    window.drop_at(at + step);
+    window.run_steps(3);
+}
+
+#[test]
+fn a_lamp_that_is_dragged_stays_in_its_look_where_another_one_comes() {
+    let mut window = with_lamp("Point");
+    click(&mut window, "Keep look");
+    let kept = lamps(&window);
+    pull(&mut window, "Move Point lamp 1 along X", vec2(60.0, 25.0));
+    let before = lamps(&window);
+    let step = vec2(0.0, -20.0);
+    let at = hold(&mut window, "Move Point lamp 1 along Y", step);
+    let dragged = lamps(&window);
+    assert!(dragged != before && before != kept);
+    go_on_in_the_first_look(&mut window, at, step);
+    assert_eq!(lamps(&window), kept);
+    click(&mut window, "Undo");
+    assert_eq!(lamps(&window), dragged, "the drag was a step of its own");
+}
+
+#[test]
+fn what_is_dragged_in_the_list_is_not_carried_into_another_look() {
+    for label in ["Point lamp 1 strength", "Point lamp 1 intensity"] {
+        let mut window = with_lamp("Point");
+        click(&mut window, "Keep look");
+        let kept = lamps(&window);
+        window.get_by_label(label).scroll_to_me();
+        window.run_steps(8);
+        let step = vec2(10.0, 0.0);
+        let at = hold(&mut window, label, step);
+        assert!(lamps(&window) != kept, "{label}");
+        go_on_in_the_first_look(&mut window, at, step);
+        assert_eq!(lamps(&window), kept, "{label}");
+    }
+}
+
 #[test]
 fn a_lamp_that_is_dragged_stays_where_it_is_once_the_camera_is_in_hand() {
     let mut window = with_lamp("Point");
@@ -668,6 +727,32 @@ fn a_lamp_that_is_added_is_not_called_as_one_of_a_look_that_was_kept() {
     click(&mut window, "Add lamp");
     click(&mut window, "Point");
     assert_eq!(lamps(&window)[0].key, "Point lamp 2");
+}
+
+#[test]
+fn a_lamp_that_is_added_is_not_held_by_what_was_wished_of_one_that_was_deleted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("globes.look");
+    let globe = json!({"key": "Point lamp 1", "type": "point", "position": [0, 0.2, 0], "strength": 40});
+    let look = json!({"clerestory": 1, "lamps": [globe], "wishes": {"held": ["Point lamp 1", "lamp"]}});
+    std::fs::write(&path, look.to_string()).unwrap();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path)));
+    wait(&mut window, |app| app.look().wishes.held.len() == 2 && app.is_settled());
+    let at = window.get_by_label("Mute Point lamp 1").rect().right_center() + vec2(20.0, 0.0);
+    click_at(&mut window, at, Modifiers::NONE);
+    let before = window.state().look().clone();
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    let held = |window: &Window| Vec::from_iter(window.state().look().wishes.held.clone());
+    assert_eq!((lamps(&window).len(), held(&window)), (0, vec!["lamp".to_owned()]));
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), before, "it is held again");
+    window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+    window.run_steps(3);
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    assert_eq!((lamps(&window)[0].key.as_str(), held(&window)), ("Point lamp 1", vec!["lamp".to_owned()]));
 }
 
 /// Drags the lamp of the file to the wall on the left.

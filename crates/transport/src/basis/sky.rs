@@ -86,7 +86,7 @@ impl LightBasis {
     pub(crate) fn dome_light(&self, rig: &LightRig) -> Option<DomeLight> {
         let sky = self.sources.iter().find(|source| matches!(source.kind, SourceKind::Dome { .. }))?;
         let light = self.sky_light(rig)?;
-        let factor = rig.setting(&sky.key).emission(Vec3::ONE, light.intensity);
+        let factor = rig.light_setting(&sky.key).emission(Vec3::ONE, light.intensity);
         let moved = light.sun.zip(light.sun_direction()).filter(|_| !self.keeps_its_sun(&light));
         let mut dome = DomeLight { light, factor, seen: factor, map: Vec3::ONE, sun: None };
         let Some((sun, direction)) = moved else { return Some(dome) };
@@ -97,7 +97,7 @@ impl LightBasis {
             }
             Some((source, _)) => {
                 let strength = sun.illuminance_lx * dome.light.intensity;
-                let lux = rig.setting(&source.key).emission(sun.color, strength);
+                let lux = rig.light_setting(&source.key).emission(sun.color, strength);
                 if lux != Vec3::ZERO {
                     let seen = factor.max(lux * LEAST_SEEN);
                     dome.sun = Some(MovedSun { direction, lux, seen_lux: in_units(lux, seen) });
@@ -113,10 +113,7 @@ impl LightBasis {
     pub fn sun_apart(&self, rig: &LightRig) -> Option<SunApart<'_>> {
         let (source, _) = self.sun_source()?;
         self.dome_light(rig)?.sun?;
-        let mute = |rig: &mut LightRig, key: &str| {
-            let own = rig.own_setting(key);
-            rig.set(key, LightSetting { muted: true, ..own });
-        };
+        let mute = |rig: &mut LightRig, key: &str| rig.lights.entry(key.to_owned()).or_default().muted = true;
         let [mut without, mut alone] = [rig.clone(), rig.clone()];
         mute(&mut without, &source.key);
         self.sources.iter().filter(|other| other.key != source.key).for_each(|other| mute(&mut alone, &other.key));

@@ -2,6 +2,7 @@
 
 mod still;
 
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -33,6 +34,8 @@ const MOST_BYTES: usize = 256 << 20;
 const POST_EVERY: Duration = Duration::from_millis(250);
 /// Time after which lamps whose light is there are shown without those that are still to come.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// Longest time that newer orders wait for a picture in which no lamp goes out.
+const MOST_WAIT: Duration = Duration::from_secs(5);
 
 /// A view, and how far its lamps are.
 pub(super) struct Bench {
@@ -62,8 +65,12 @@ pub(super) struct Bench {
     /// Why it does not, although there is one.
     device_problem: Option<String>,
     pub serial: u64,
+    /// When those lamps were ordered.
+    begun: Instant,
     /// The light that was posted last.
     posted: Option<Posted>,
+    /// Keys of the lamps that are lit in the window.
+    lit: HashSet<String>,
     /// When the first order came that nothing was posted of yet.
     waits_since: Instant,
     /// How long it waits for all of its lamps.
@@ -77,6 +84,8 @@ struct Posted {
     /// How many passes of all lamps were made, and whether none was left out.
     n_passes: u32,
     is_whole: bool,
+    /// Whether it leaves out a lamp that is lit: the window does not show it.
+    puts_out: bool,
     at: Instant,
 }
 
@@ -214,7 +223,9 @@ impl Bench {
             seen_sums: Sums::default(),
             arriving_sums: Sums::default(),
             serial: 0,
+            begun: Instant::now(),
             posted: None,
+            lit: HashSet::new(),
             waits_since: Instant::now(),
             patience: PATIENCE,
         }
@@ -226,7 +237,7 @@ impl Bench {
         if self.has_posted() {
             self.waits_since = Instant::now();
         }
-        (self.serial, self.shows_arriving) = (order.serial, order.shows_arriving);
+        (self.serial, self.shows_arriving, self.begun) = (order.serial, order.shows_arriving, Instant::now());
         self.failed.clear();
         let mut before = std::mem::take(&mut self.lamps);
         for lamp in order.lamps {
@@ -310,9 +321,12 @@ impl Bench {
         self.next().is_none() && self.has_posted()
     }
 
-    /// Whether nothing was posted yet of the lamps that were ordered last, and there is something to do for that.
+    /// Whether nothing is shown yet of the lamps that were ordered last, and there is something to do for that; where they took too long, what
+    /// was posted is all that there will be.
     pub fn owes_picture(&self) -> bool {
-        !self.has_posted() && self.next().is_some()
+        let puts_out = self.posted.as_ref().is_some_and(|posted| posted.puts_out);
+        let is_shown = self.has_posted() && (!puts_out || self.begun.elapsed() >= MOST_WAIT);
+        !is_shown && self.next().is_some()
     }
 
     /// Whether something was posted of the lamps that were ordered last.
@@ -433,12 +447,16 @@ impl Bench {
         let (there, missing): (Vec<&Lit>, Vec<&Lit>) =
             self.lamps.iter().partition(|lit| lit.is_whole(self.shows_arriving));
         let n_passes = self.lamps.iter().map(|lit| lit.n_passes + lit.n_arriving).sum();
-        let now = Posted { serial: self.serial, n_passes, is_whole: missing.is_empty(), at: Instant::now() };
+        let puts_out = missing.iter().any(|lit| self.lit.contains(&lit.lamp.key));
+        let now = Posted { serial: self.serial, n_passes, is_whole: missing.is_empty(), puts_out, at: Instant::now() };
         let is_late = !there.is_empty() && now.at.saturating_duration_since(self.waits_since) >= self.patience;
         if !(now.is_whole || is_late) || !self.is_news(&now) {
             return None;
         }
         self.posted = Some(now);
+        if !puts_out {
+            self.lit = there.iter().map(|lit| lit.lamp.key.clone()).collect();
+        }
         let is_measured = self.view.measures && there.iter().all(|lit| lit.n_arriving > 0);
         let seen = || terms(&there, |lit| (lit.sum.as_slice(), lit.n_passes));
         let arriving = || terms(&there, |lit| (lit.arriving.as_slice(), lit.n_arriving));

@@ -157,6 +157,28 @@ fn lamps_that_move_on_together_are_seen_on_their_way() {
 }
 
 #[test]
+fn many_lamps_that_move_on_together_are_seen_on_their_way() {
+    let (view, lamp) = lit_room();
+    let order = |serial: u64| {
+        let x = 0.1 * serial as f32;
+        let lamps = vec![placed(&lamp, "a", x), placed(&lamp, "b", -x)];
+        LampOrder { view: view.clone(), lamps, shows_arriving: false, serial }
+    };
+    // Their picture takes longer than they are waited for.
+    let mut bench = Bench { patience: Duration::ZERO, ..Bench::new(view.clone()) };
+    let step = |bench: &mut Bench| {
+        bench.step(&|_, _| false);
+        (bench.news().map(|light| light.left_out.len()), bench.owes_picture())
+    };
+    bench.take(order(1));
+    assert_eq!(step(&mut bench), (Some(1), false), "what is there is shown where none is lit");
+    assert_eq!(step(&mut bench), (Some(0), false));
+    bench.take(order(2));
+    assert_eq!(step(&mut bench), (Some(1), true), "the other one is lit, and would go out");
+    assert_eq!(step(&mut bench), (Some(0), false), "all of them are seen before they move on");
+}
+
+#[test]
 fn lamps_whose_light_finds_no_memory_are_told_and_the_others_shine() {
     let (view, lamp) = lit_room();
     let at = |key: &str, x: f32| placed(&lamp, key, x);
