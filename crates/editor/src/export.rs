@@ -81,6 +81,8 @@ pub struct Shown {
     pub exposure_ev: f32,
     /// What the colors mean, in a PNG in false color.
     pub legend: Option<Legend>,
+    /// Width and height of the file in pixels, with its legend.
+    pub size_px: [u32; 2],
 }
 
 impl Look {
@@ -118,14 +120,15 @@ impl Picture<'_> {
                 let exr = self.exr(options)?;
                 place.commit(|writer| exr.write(options, writer))?;
                 let exposure_ev = self.look.display.metered(self.radiance).exposure_ev;
-                Ok(Shown { exposure_ev, legend: None })
+                Ok(Shown { exposure_ev, legend: None, size_px: [exr.window.width, exr.window.height] })
             }
             ImageFormat::Png => {
-                let (radiance, params, shown) = self.displayed()?;
-                let picture = png::shown_at(options.depth, &options.cut(radiance)?, &params, shown.legend);
-                let bytes = png_bytes(&picture, shown.legend.is_none().then_some(&params))?;
+                let (radiance, params, exposure_ev) = self.displayed()?;
+                let legend = self.legend(&params);
+                let picture = png::shown_at(options.depth, &options.cut(radiance)?, &params, legend);
+                let bytes = png_bytes(&picture, legend.is_none().then_some(&params))?;
                 place.commit(|writer| Ok(writer.write_all(&bytes)?))?;
-                Ok(shown)
+                Ok(Shown { exposure_ev, legend, size_px: [picture.width(), picture.height()] })
             }
         }
     }
@@ -148,12 +151,20 @@ impl Picture<'_> {
     /// As [`Picture::write`].
     pub fn developed(&self, options: &ExportOptions) -> Result<(RgbImage, Shown)> {
         self.check()?;
-        let (radiance, params, shown) = self.displayed()?;
-        Ok((png::shown(&options.cut(radiance)?, &params, shown.legend), shown))
+        let (radiance, params, exposure_ev) = self.displayed()?;
+        let legend = self.legend(&params);
+        let picture = png::shown(&options.cut(radiance)?, &params, legend);
+        let size_px = picture.dimensions().into();
+        Ok((picture, Shown { exposure_ev, legend, size_px }))
     }
 
-    /// What is shown, and how.
-    fn displayed(&self) -> Result<(&Radiance, DisplayParams, Shown)> {
+    /// What its colors mean where it is shown so, if they are false.
+    fn legend(&self, params: &DisplayParams) -> Option<Legend> {
+        Legend::of(&self.look.display, params, self.units)
+    }
+
+    /// What is shown, how, and the exposure in EV that suits the light that is seen.
+    fn displayed(&self) -> Result<(&Radiance, DisplayParams, f32)> {
         let display = &self.look.display;
         let exposed = display.metered(self.radiance);
         let (shown, params) = match display.quantity() {
@@ -164,8 +175,7 @@ impl Picture<'_> {
             }
             _ => (self.radiance, exposed),
         };
-        let legend = Legend::of(display, &params, self.units);
-        Ok((shown, params, Shown { exposure_ev: exposed.exposure_ev, legend }))
+        Ok((shown, params, exposed.exposure_ev))
     }
 
     fn exr(&self, options: &ExportOptions) -> Result<ExrPicture<'_>> {

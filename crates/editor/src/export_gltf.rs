@@ -44,7 +44,7 @@ impl Lit<'_> {
         let source = Container::split(self.bytes).context("the scene cannot be read again")?;
         let mut document = Document::parse(source.json).context("the scene cannot be read again")?;
         let mut warnings = lights::write(&mut document, self.scene, &self.look.lights)?;
-        lamps::write(&mut document, self.scene, &self.look.lights.lit_lamps(), &mut warnings)?;
+        lamps::write(&mut document, self.scene, &self.look.lights, &mut warnings)?;
         container::save(&source, document, kind, self.folder, path)?;
         Ok(warnings.iter().map(|words| self.look.renamed(words)).collect())
     }

@@ -296,10 +296,11 @@ impl Seen {
 
 /// What each pixel counts in a mean, all together 1: by the area of surface that it sees where that is known, else alike.
 pub fn weighed(pixels: &[u32], seen: Option<&Seen>) -> Vec<(u32, f32)> {
-    let area = |pixel: u32| seen.map_or(1.0, |seen| seen.area_m2(pixel));
-    let sum: f32 = pixels.iter().map(|pixel| area(*pixel)).sum();
+    let area = |pixel: u32| f64::from(seen.map_or(1.0, |seen| seen.area_m2(pixel)));
+    // In double precision: beside the sum of millions of pixels the next one is nothing in single precision.
+    let sum: f64 = pixels.iter().map(|pixel| area(*pixel)).sum();
     let alike = 1.0 / pixels.len().max(1) as f32;
-    pixels.iter().map(|&pixel| (pixel, if sum > 0.0 { area(pixel) / sum } else { alike })).collect()
+    pixels.iter().map(|&pixel| (pixel, if sum > 0.0 { (area(pixel) / sum) as f32 } else { alike })).collect()
 }
 
 #[cfg(test)]
@@ -371,5 +372,19 @@ mod tests {
         assert_eq!(weighed(&[1, 3], Some(&seen)), [(1, 0.25), (3, 0.75)]);
         assert_eq!(weighed(&[0], Some(&seen)), [(0, 1.0)]);
         assert_eq!(weighed(&[1, 3], None), [(1, 0.5), (3, 0.5)]);
+    }
+
+    #[test]
+    fn what_many_small_pixels_see_counts_beside_a_large_one() {
+        // Together they see a 64th of what the first one does; each of them is lost beside that in single precision.
+        let n_small = 400_000_usize;
+        let small = 1.0 / (64.0 * n_small as f32);
+        let areas_m2 = std::iter::once(1.0).chain(std::iter::repeat_n(small, n_small)).collect();
+        let seen = Seen { film: FILM, nodes: Vec::new(), materials: Vec::new(), areas_m2 };
+        let pixels: Vec<u32> = (0..=n_small as u32).collect();
+        let weights = weighed(&pixels, Some(&seen));
+        let all: f64 = weights.iter().map(|(_, weight)| f64::from(*weight)).sum();
+        assert!((all - 1.0).abs() < 1e-4, "{all}");
+        assert!((f64::from(weights[0].1) - 64.0 / 65.0).abs() < 1e-4, "{}", weights[0].1);
     }
 }

@@ -154,18 +154,16 @@ impl Target {
             Picture { radiance: &radiance, layers: &layers, irradiance, look, units: Units::of(&bake.header.basis) };
         let shown = picture.write(self.place, self.format, &self.options)?;
         console.warn_all(picture.layer_remarks());
-        let window = self.options.window([radiance.width, radiance.height])?;
+        let [width, height] = shown.size_px;
         let n_layers = layers.len() + usize::from(self.options.irradiance);
         let output = options.output.display().to_string();
         let words = format!(
-            "{output}: {}×{}, relit in {} on the {}",
-            window.width,
-            window.height,
+            "{output}: {width}×{height}, relit in {} on the {}",
             duration_words(relight_secs),
             relighter.words(),
         );
         let mut json = json!({
-            "output": output, "width": window.width, "height": window.height, "relight_secs": relight_secs,
+            "output": output, "width": width, "height": height, "relight_secs": relight_secs,
             "exposure_ev": shown.exposure_ev, "false_color": shown.legend.map(|legend| legend.json()), "layers": n_layers,
             "warnings": console.warnings(),
         });

@@ -75,15 +75,10 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
         Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look, units: Units::Photometric };
     let shown = interrupt.watched(&quiet, &kept, || picture.write(place, format, &options))?;
     let output = args.output.display().to_string();
-    let words = format!(
-        "{output}: {}×{} at {} spp in {}",
-        radiance.width,
-        radiance.height,
-        config.spp,
-        duration_words(trace_secs)
-    );
+    let [width, height] = shown.size_px;
+    let words = format!("{output}: {width}×{height} at {} spp in {}", config.spp, duration_words(trace_secs));
     let json = json!({
-        "output": output, "width": radiance.width, "height": radiance.height, "spp": config.spp,
+        "output": output, "width": width, "height": height, "spp": config.spp,
         "trace_secs": trace_secs, "exposure_ev": shown.exposure_ev, "false_color": shown.legend.map(|legend| legend.json()), "device": "cpu",
         "warnings": console.warnings(),
     });

@@ -5,13 +5,14 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use clerestory_transport::lamps::{FreeLamp, LEAST_CONE_RAD, LampShape, PreparedLamps};
+use clerestory_transport::light::LightRig;
 use clerestory_transport::photometry::PhotometricProfile;
 use clerestory_transport::prepared::PreparedScene;
 use glam::{Mat3, Quat, Vec3};
 use serde_json::{Value, json};
 
 use super::lights::color_and_strength;
-use super::muted::{Part, darken, turned_on};
+use super::muted::{Part, darken, switched_on};
 use super::raw::{Document, LAMPS, PROFILES, whole};
 use super::shared::Shared;
 
@@ -23,16 +24,17 @@ const ROUNDED: f32 = 1e-3;
 /// A body is at least so large, m: what is smaller shines from that size.
 const LEAST_M: f32 = 5e-3;
 
-/// Adds a node for each lamp that shines.
+/// Adds a node for each lamp of a rig.
 pub(super) fn write(
     document: &mut Document,
     scene: &PreparedScene,
-    lamps: &[FreeLamp],
+    rig: &LightRig,
     warnings: &mut Vec<String>,
 ) -> Result<()> {
-    for lamp in lamps.iter().filter(|lamp| scene.lighting.basis.source(&lamp.key).is_none()) {
-        let on = FreeLamp { setting: turned_on(lamp.setting), ..lamp.clone() };
-        let [as_set, on] = [light_of(lamp)?, light_of(&on)?];
+    let (lamps, on) = (rig.lit_lamps(), switched_on(rig).lit_lamps());
+    let lamps = lamps.iter().zip(&on).filter(|(lamp, _)| scene.lighting.basis.source(&lamp.key).is_none());
+    for (lamp, on) in lamps {
+        let [as_set, on] = [light_of(lamp)?, light_of(on)?];
         let is_off = as_set == Vec3::ZERO && on != Vec3::ZERO;
         let light = if is_off { on } else { as_set };
         let (node, part) = match &lamp.shape {

@@ -34,7 +34,7 @@ pub(super) fn switched_on(rig: &LightRig) -> LightRig {
 }
 
 /// The same of the setting of one light.
-pub(super) fn turned_on(setting: LightSetting) -> LightSetting {
+fn turned_on(setting: LightSetting) -> LightSetting {
     let color = setting.color.filter(|color| *color != [0.0; 3]);
     LightSetting { intensity: on_or_one(setting.intensity), color, muted: false, ..setting }
 }

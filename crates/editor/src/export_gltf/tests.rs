@@ -351,6 +351,22 @@ fn free_lamps_become_nodes_that_shine_alike() {
     assert_same_light(&scene, &Look::default(), &open(&out));
 }
 
+#[test]
+fn a_free_lamp_that_its_group_turns_down_keeps_what_it_is_set_to_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
+    std::fs::write(&file, ROOM).unwrap();
+    let scene = open(&file);
+    let mut look = Look::default();
+    look.lights.lamps = vec![free("bulb", LampShape::Point)];
+    look.lights.lamps[0].setting.intensity = 0.25;
+    let dark = LightGroup { lights: ["bulb".to_owned()].into(), intensity: 0.0, muted: false };
+    let mut down = look.clone();
+    down.lights.groups.insert("desks".into(), dark);
+    assert_eq!(save(&file, &scene, &down, &out), Vec::<String>::new());
+    hold_free_lamps(&look, &open(&out), true);
+}
+
 /// A lamp of a look in the room.
 fn free(key: &str, shape: LampShape) -> FreeLamp {
     FreeLamp {

@@ -22,6 +22,9 @@ const UNIFORM: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 100.0, colo
 /// The light that is shown as neutral where a look chooses none: D65, which lies beside the Planckian locus.
 const DISPLAY_WHITE: WhitePoint = WhitePoint { kelvin: DISPLAY_KELVIN, duv: 0.0032 };
 
+/// Color temperatures between which light has its own color; what is set beyond shines as the nearer one.
+const SHOWN_KELVIN: [f32; 2] = [1667.0, 25_000.0];
+
 /// A whole turn: an angle that goes on behind it comes round again, as a file holds no more.
 const TURN_DEG: f64 = 360.0;
 
@@ -105,6 +108,7 @@ fn setting(a: LightSetting, b: LightSetting, t: f32, own: Vec3) -> LightSetting 
         _ if weights[1] == 0.0 || (a.color, a.kelvin) == (b.color, b.kelvin) => tint(a),
         _ if weights[0] == 0.0 => tint(b),
         (Some(from), Some(to)) => {
+            let [from, to] = [from, to].map(|kelvin| kelvin.clamp(SHOWN_KELVIN[0], SHOWN_KELVIN[1]));
             let mired = (weights[0] / from + weights[1] / to) / intensity;
             LightSetting { kelvin: Some(1.0 / mired), ..tint(nearer) }
         }
@@ -363,6 +367,11 @@ mod tests {
         let exact = (planckian_tint(2000.0) + planckian_tint(6000.0)) / 2.0;
         let off = (planckian_tint(half.kelvin.unwrap()) - exact).abs().max_element();
         assert!(off < 0.22, "{off}");
+        // Beyond what light can show the color at the end is that of the nearest, and so is what is on the way to it.
+        for (set, shown) in [(500.0, 1667.0), (100_000.0, 25_000.0)] {
+            let [set, shown] = [set, shown].map(|kelvin| setting(of(1.0, kelvin), of(1.0, 6000.0), 0.25, Vec3::ONE));
+            assert_eq!(set, shown);
+        }
     }
 
     #[test]

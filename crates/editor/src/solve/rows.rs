@@ -93,7 +93,16 @@ impl<'a> Rows<'a> {
 
     /// The mean radiance over some pixels, nit.
     pub fn radiance(&self, pixels: &[u32]) -> Result<Row> {
-        let pixels = weighed(pixels, self.scene.seen.as_deref());
+        self.of_radiance(&weighed(pixels, self.scene.seen.as_deref()))
+    }
+
+    /// The same for many parts of the picture, all pixels of each alike, as a picture has them that these are held against.
+    pub fn radiances(&self, parts: &[Vec<u32>]) -> Result<Vec<Row>> {
+        parts.par_iter().map(|pixels| self.of_radiance(&weighed(pixels, None))).collect()
+    }
+
+    /// The sum of the radiance of some pixels, each times its weight.
+    fn of_radiance(&self, pixels: &[(u32, f32)]) -> Result<Row> {
         let sums_of = |groups: &[BlockLowRank]| -> Result<Vec<[f32; 3]>> {
             let sums = weighed_row(groups, pixels.iter().copied()).context(NOT_BAKED)?;
             Ok(sums.into_iter().flatten().collect())
@@ -104,14 +113,9 @@ impl<'a> Rows<'a> {
             row.add(sun.owner, &sums_of(&sun.groups)?, &sun.coefficients);
         }
         for lamp in &self.scene.lamps {
-            self.add_lamp(&mut row, (lamp, &*lamp.direct), &pixels, &sums);
+            self.add_lamp(&mut row, (lamp, &*lamp.direct), pixels, &sums);
         }
         Ok(row)
-    }
-
-    /// The same for many parts of the picture.
-    pub fn radiances(&self, parts: &[Vec<u32>]) -> Result<Vec<Row>> {
-        parts.par_iter().map(|pixels| self.radiance(pixels)).collect()
     }
 
     /// The mean irradiance over some pixels, lux; free lamps count where it is known what arrives of them.

@@ -211,6 +211,27 @@ fn a_picture_under_other_lights_is_matched_whatever_its_size_and_exposure() {
     assert!(solved.outcomes[0].reached < 5.0 && solved.outcomes[0].before > 10.0, "{:?}", solved.outcomes);
 }
 
+#[test]
+fn cells_are_held_against_a_picture_pixel_by_pixel_where_areas_are_known_too() {
+    let mut scene = at(LightRig::default());
+    let stage = prepared();
+    scene.seen = Some(Arc::new(Seen::new(&stage, &stage.scene.cameras[0], FILM)));
+    let unknowns = lights::unknowns(&scene, &Request::default()).unwrap();
+    let rows = rows::Rows::new(&scene, &unknowns);
+    let coefficients = scene.bake.header.coefficients(&scene.rig);
+    let picture = Relighter::new(&scene.bake, &scene.rig, None).unwrap().relight(&coefficients).unwrap();
+    // At the rim of the picture walls are nearer, and seen at a flatter angle, than in its middle.
+    let left: Vec<u32> = (0..24).flat_map(|y| (0..4).map(move |x| 32 * y + x)).collect();
+    let parts = [left, (0..32 * 24).collect()];
+    for (pixels, row) in parts.iter().zip(rows.radiances(&parts).unwrap()) {
+        let shares: f64 = row.shares.iter().map(|share| rows::luminance(*share)).sum();
+        let told = rows::luminance(row.fixed) + shares;
+        let shown = |pixel: &u32| rows::luminance(picture.pixels[*pixel as usize].map(f64::from));
+        let shown = pixels.iter().map(shown).sum::<f64>() / pixels.len() as f64;
+        assert!((told / shown - 1.0).abs() < 1e-3, "{told} is not {shown}");
+    }
+}
+
 /// The room without ceiling, front and back, baked under a sun that stands elsewhere now.
 fn under_a_moved_sun() -> Scene {
     let gltf = ROOM.replace("\"count\": 36", "\"count\": 18");

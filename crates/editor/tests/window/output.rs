@@ -445,6 +445,21 @@ fn the_command_line_writes_groups_parts_and_a_sheet_of_looks() {
 }
 
 #[test]
+fn the_size_that_is_told_is_that_of_the_file_with_its_legend() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("room.gltf"), room()).unwrap();
+    std::fs::write(at("a.look"), r#"{"clerestory": 1, "display": {"false_color": {}}}"#).unwrap();
+    let (scene, look, png) = (at("room.gltf"), at("a.look"), at("a.png"));
+    for command in ["trace", "render"] {
+        let told = answer(&[command, &scene, "--look", &look, "-o", &png, "--size", "32x24", "--spp", "2"]);
+        let (width, height) = image::image_dimensions(&png).unwrap();
+        assert!(width > 32 && height == 48, "{width} × {height}");
+        assert_eq!([&told["width"], &told["height"]], [&json!(width), &json!(height)], "{command}");
+    }
+}
+
+#[test]
 fn the_command_line_bakes_the_panels_that_a_look_makes() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
