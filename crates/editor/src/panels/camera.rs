@@ -288,7 +288,9 @@ fn habits_ui(ui: &mut Ui, habits: &mut Habits) {
 pub fn option_words(camera: &Camera) -> String {
     let Pose { position, yaw_rad, pitch_rad, roll_rad } = Pose::of(camera);
     let angles = [yaw_rad, pitch_rad, camera.yfov_rad, roll_rad].map(f32::to_degrees);
-    let numbers: Vec<String> = position.to_array().into_iter().chain(angles).map(|n| format!("{n:.4}")).collect();
+    // In a model of centimeters four digits behind the point are another place.
+    let place = position.to_array().into_iter().map(|meters| meters.to_string());
+    let numbers: Vec<String> = place.chain(angles.into_iter().map(|degrees| format!("{degrees:.4}"))).collect();
     let view = format!("--view={}", numbers.join(","));
     match camera.shift {
         [0.0, 0.0] => view,
