@@ -575,6 +575,7 @@ impl App {
             has_floor,
             known_floor: self.known_floor(),
             elsewhere: self.elsewhere(),
+            extent_m: self.session.lamp_scene().map(|scene| scene.extent()),
         };
         let mut asks_for_floor = false;
         let state = MeasureState {
