@@ -5,7 +5,7 @@ use std::f32::consts::{FRAC_PI_4, PI, TAU};
 use glam::{Vec2, Vec3};
 
 use super::{FreeLamp, LampShape};
-use crate::prepared::PreparedScene;
+use crate::prepared::{PreparedScene, SHADOW_END};
 use crate::sampler::uniform_sphere;
 
 /// A surface that shines diffusely, in world space.
@@ -52,9 +52,6 @@ pub(crate) struct BodyPoint {
 const LEAST_M: f32 = 5e-3;
 /// The same at most, over a distance beyond all surfaces: in a model of centimeters a lamp is of millimeters.
 const LEAST_OF_FAR: f32 = 5e-4;
-
-/// So little behind a surface, of the distance, a body lies in it and is seen: of one in a ceiling rounding would hide pixels.
-const IN_SURFACE: f32 = 1e-5;
 
 /// Least length of a side of a body in a scene, and least diameter, m.
 pub fn least_size_m(scene: &PreparedScene) -> f32 {
@@ -125,7 +122,8 @@ impl Body {
         }
     }
 
-    /// Where a ray meets the shining side first, in lengths of its direction, before a surface at `t_max` or in it.
+    /// Where a ray meets the shining side first, in lengths of its direction, before a surface at `t_max`, or so little behind it that
+    /// shadow rays end before the surface: of one in a ceiling rounding would hide pixels.
     pub fn meet(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<(f32, BodyPoint)> {
         let (t, normal) = match self {
             Body::Rectangle { center, half: [u, v], normal } => {
@@ -142,7 +140,7 @@ impl Body {
                 (t, (origin + direction * t - *center).normalize_or_zero())
             }
         };
-        (t > 0.0 && t * (1.0 - IN_SURFACE) < t_max).then(|| (t, BodyPoint { position: origin + direction * t, normal }))
+        (t > 0.0 && t * SHADOW_END < t_max).then(|| (t, BodyPoint { position: origin + direction * t, normal }))
     }
 }
 
