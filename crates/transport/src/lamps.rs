@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::light::LightSetting;
 use crate::scene::PunctualKind;
 
+pub use self::body::least_size_m;
 pub(crate) use self::body::{Body, BodyPoint};
 pub use self::frame::half_turn;
 pub use self::lacking::Lacking;

@@ -664,7 +664,7 @@ fn diagonal(trees: [Option<&Bvh>; 3]) -> f32 {
 }
 
 /// Shadow rays end just before the light's own surface.
-const SHADOW_END: f32 = 0.9999;
+pub(crate) const SHADOW_END: f32 = 0.9999;
 
 fn shadow_ray(origin: Vec3, target: Vec3) -> Ray {
     Ray { origin, direction: target - origin, t_min: 0.0, t_max: SHADOW_END }

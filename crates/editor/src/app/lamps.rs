@@ -20,7 +20,7 @@ use crate::panels::lights::{ADDED, heard};
 use crate::panels::status::LampNote;
 use crate::session::SceneOfBake;
 use crate::session::lamps::LampLight;
-use crate::viewport::gizmo::{Surface, surface_behind_glass};
+use crate::viewport::gizmo::{Surface, aimed_within, surface_behind_glass};
 use crate::viewport::placing::{beside, fitting_strength, placed, sized};
 use crate::words::lacking_words;
 
@@ -432,6 +432,7 @@ impl App {
         let setting = LightSetting { muted: own.muted && !self.look.lights.is_replaced(key), ..own };
         let free = self.free_name(&format!("{name} movable"));
         let lamp = found.and_then(|(source, light)| FreeLamp::from_source(&free, source, light, setting));
+        let lamp = lamp.map(|lamp| aimed_within(lamp, &scene));
         if lamp.is_none() {
             self.complain(format!("{name} cannot be {done}: its distribution lies in the file of the scene"));
         }

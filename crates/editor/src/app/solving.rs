@@ -333,7 +333,10 @@ impl App {
                 let (lamps, errors) = PreparedLamps::able(&of.rig.shining_lamps(), None);
                 let errors: Vec<String> = errors.iter().map(LampError::to_string).chain(missing).collect();
                 let left_out = (!errors.is_empty()).then(|| format!("{}: these figures lack it", errors.join(", ")));
-                added.lamps = scene.filter(|_| !lamps.is_empty()).map(|scene| (scene, lamps));
+                added.lamps = scene.filter(|_| !lamps.is_empty()).map(|scene| {
+                    let lamps = lamps.in_scene(&scene);
+                    (scene, lamps)
+                });
                 let light = (&of.rig, &added);
                 let marked =
                     of.marks.as_ref().map(|marks| of_marks(&bake, light, marks, seen.as_deref())).transpose()?;
@@ -572,6 +575,7 @@ impl App {
             has_floor,
             known_floor: self.known_floor(),
             elsewhere: self.elsewhere(),
+            extent_m: self.session.lamp_scene().map(|scene| scene.extent()),
         };
         let mut asks_for_floor = false;
         let state = MeasureState {
@@ -641,7 +645,7 @@ fn column(
         key: part.key.clone(),
         of_patches: part.of_patches().collect(),
         arriving: measured.map(|part| Arc::new(move |pixel| part.arriving(pixel)) as AtPixel),
-        at_point: at_point(scene.clone(), prepared, bounces),
+        at_point: at_point(scene.clone(), prepared.in_scene(scene), bounces),
         direct: Arc::new(move |pixel| part.direct(pixel)),
     })
 }

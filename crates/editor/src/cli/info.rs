@@ -24,6 +24,7 @@ use super::console::{Answer, Console};
 use super::relight::frame_of;
 use super::view::{fault_words, import_scene, load_bake, unsupported_words};
 use crate::action::is_transport;
+use crate::legend::number_words;
 use crate::look::Look;
 use crate::sizes::bytes_words;
 
@@ -142,7 +143,7 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
         triangles,
         report.n_nodes,
         report.n_materials,
-        size_m.map_or(String::new(), |[x, y, z]| format!(", {x:.2} × {y:.2} × {z:.2} m")),
+        size_m.map_or(String::new(), size_words),
         listed(&cameras),
         listed(&sources.iter().map(|source| light_words(source, &basis)).collect::<Vec<_>>()),
         line_of("sensors", &sensors),
@@ -154,6 +155,11 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
         listed(&report.unsupported),
     );
     Ok(Answer { json, words })
+}
+
+/// Three sides in meters, with the digits that count.
+fn size_words(sides_m: [f32; 3]) -> String {
+    format!(", {} m", sides_m.map(number_words).join(" × "))
 }
 
 /// Work that a scene does not need; the lights are those that reach nothing of what its first camera sees.
@@ -379,6 +385,12 @@ mod tests {
 
     use super::*;
     use crate::cli::interrupt::Interrupt;
+
+    #[test]
+    fn the_size_of_a_model_is_told_as_that_of_a_house_is() {
+        let told = [[0.0312, 0.0045, 0.001], [12.5, 3.0, 240.0]].map(size_words);
+        assert_eq!(told, [", 0.0312 × 0.0045 × 0.001 m", ", 12.5 × 3 × 240 m"]);
+    }
 
     #[test]
     fn of_a_scene_with_too_many_triangles_the_lights_alone_are_told() {

@@ -33,12 +33,17 @@ const ROUNDS: u32 = 2;
 /// Samples of a pixel where nothing is said: what makes a soft shadow smooth.
 pub(super) const DEFAULT_SAMPLES: u32 = 32;
 
-/// The lamps of a look that shine.
-pub(super) fn prepared(lamps: &[FreeLamp], look: Option<&Path>, console: &mut Console) -> Result<PreparedLamps> {
+/// The lamps of a look that shine, in a scene.
+pub(super) fn prepared(
+    lamps: &[FreeLamp],
+    look: Option<&Path>,
+    scene: &PreparedScene,
+    console: &mut Console,
+) -> Result<PreparedLamps> {
     let folder = look.and_then(Path::parent);
     let (lamps, warnings) = PreparedLamps::new(lamps, folder).with_context(|| cannot_shine(lamps))?;
     console.warn_all(warnings);
-    Ok(lamps)
+    Ok(lamps.in_scene(scene))
 }
 
 /// What stands before why a lamp cannot shine. A moment of a timeline may have lamps that are called otherwise than in its file.
@@ -82,8 +87,8 @@ pub(super) fn install(view: &mut View, rig: &mut LightRig, path: Option<&Path>, 
     if rig.lamps.is_empty() {
         return Ok(());
     }
-    let lamps = prepared(&rig.take_lamps(), path, console)?;
     let scene = Arc::get_mut(&mut view.scene).context("the scene is in use")?;
+    let lamps = prepared(&rig.take_lamps(), path, scene, console)?;
     // What is set of a light that the scene does not have is ignored, and sets no lamp that is called so.
     rig.lights.retain(|key, _| scene.lighting.basis.source(key).is_some());
     lamps.install(scene).context("the look cannot light the scene")
@@ -154,7 +159,7 @@ impl LampLight {
         let Some((scene, camera)) = stage(bake, &lamps, scene, console)? else { return Ok(Vec::new()) };
         warn_of_lacking(&lamps, path, &scene, console);
         let scene = Arc::new(scene);
-        let alone = |lamp: &FreeLamp| prepared(std::slice::from_ref(lamp), path, &mut *console);
+        let alone = |lamp: &FreeLamp| prepared(std::slice::from_ref(lamp), path, &scene, &mut *console);
         let each: Vec<PreparedLamps> = lamps.iter().map(alone).collect::<Result<_>>()?;
         let film = Film { width: bake.header.width, height: bake.header.height };
         let narrow_alpha = bake.header.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
@@ -218,7 +223,7 @@ pub(crate) fn warn_of_lacking(lamps: &[FreeLamp], look: Option<&Path>, scene: &P
     let folder = look.and_then(Path::parent);
     let able = |lamp: &FreeLamp| PreparedLamps::able(std::slice::from_ref(lamp), folder).0;
     let mut most: BTreeMap<String, Lacking> = BTreeMap::new();
-    for (key, found) in lamps.iter().flat_map(|lamp| able(lamp).lacking(scene)) {
+    for (key, found) in lamps.iter().flat_map(|lamp| able(lamp).in_scene(scene).lacking(scene)) {
         let share = most.entry(key).or_default();
         share.caustic = share.caustic.max(found.caustic);
         share.mirrored = share.mirrored.max(found.mirrored);

@@ -102,7 +102,7 @@ fn added(args: &SensorsArgs, bake: &Bake, look: &Look, console: &mut Console) ->
         console.warn(DIRECT_LUX);
     }
     warn_of_lacking(&lamps, args.look.as_deref(), &scene, console);
-    let lamps = prepared(&lamps, args.look.as_deref(), console)?;
+    let lamps = prepared(&lamps, args.look.as_deref(), &scene, console)?;
     Ok(AddedLux::of_lamps(bake, Arc::new(scene), lamps))
 }
 

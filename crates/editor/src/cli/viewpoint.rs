@@ -86,6 +86,14 @@ mod tests {
     }
 
     #[test]
+    fn a_view_of_a_model_of_millimeters_is_copied_as_well() {
+        let camera = Camera::look_at("d", Vec3::new(1.234e-3, 5.678e-5, -2.5e-3), Vec3::ZERO, 0.9, 1.5);
+        let words = option_words(&camera);
+        let back = parse_view(words.strip_prefix("--view=").unwrap()).unwrap().camera(&camera);
+        assert!(back.position().distance(camera.position()) < 1e-9, "{words}");
+    }
+
+    #[test]
     fn views_and_shifts_that_make_no_sense_are_refused() {
         for bad in
             ["", "1,2,3", "1,2,3,4,91", "1,2,3,4,5,0", "1,2,3,4,5,60,7,8", "nan,0,0,0,0", "1;2;3;4;5", "9e9,0,0,0,0"]

@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use clerestory_transport::lamps::{FreeLamp, LEAST_CONE_RAD, LampShape, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, LEAST_CONE_RAD, LampShape, PreparedLamps, least_size_m};
 use clerestory_transport::light::LightRig;
 use clerestory_transport::photometry::PhotometricProfile;
 use clerestory_transport::prepared::PreparedScene;
@@ -21,8 +21,6 @@ const DISK_CORNERS: u16 = 64;
 const SPHERE_RINGS: u16 = 16;
 /// By how much a cone of 90° may be off, radians.
 const ROUNDED: f32 = 1e-3;
-/// A body is at least so large, m: what is smaller shines from that size.
-const LEAST_M: f32 = 5e-3;
 
 /// Adds a node for each lamp of a rig.
 pub(super) fn write(
@@ -34,7 +32,7 @@ pub(super) fn write(
     let (lamps, on) = (rig.lit_lamps(), switched_on(rig).lit_lamps());
     let lamps = lamps.iter().zip(&on).filter(|(lamp, _)| scene.lighting.basis.source(&lamp.key).is_none());
     for (lamp, on) in lamps {
-        let [as_set, on] = [light_of(lamp)?, light_of(on)?];
+        let [as_set, on] = [light_of(lamp, scene)?, light_of(on, scene)?];
         let is_off = as_set == Vec3::ZERO && on != Vec3::ZERO;
         let light = if is_off { on } else { as_set };
         let (node, part) = match &lamp.shape {
@@ -43,7 +41,7 @@ pub(super) fn write(
                 continue;
             }
             LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. } => {
-                (body(document, lamp, light), Part::Surfaces)
+                (body(document, lamp, least_size_m(scene), light), Part::Surfaces)
             }
             LampShape::Profile { file } => {
                 let file = Path::new(file);
@@ -87,8 +85,8 @@ pub(super) fn without_angle(key: &str) -> String {
 }
 
 /// What a lamp sends at most, channel by channel.
-fn light_of(lamp: &FreeLamp) -> Result<Vec3> {
-    let prepared = PreparedLamps::new(std::slice::from_ref(lamp), None)?.0;
+fn light_of(lamp: &FreeLamp, scene: &PreparedScene) -> Result<Vec3> {
+    let prepared = PreparedLamps::new(std::slice::from_ref(lamp), None)?.0.in_scene(scene);
     Ok(prepared.emission(&lamp.key).unwrap_or(Vec3::ZERO))
 }
 
@@ -152,12 +150,12 @@ fn measured(document: &mut Document, lamp: &FreeLamp, light: Vec3, file: &Path) 
     Ok((node(lamp, json!({ "extensions": { PROFILES: instance } })), most))
 }
 
-/// A black surface that shines, of the area that the lamp has.
-fn body(document: &mut Document, lamp: &FreeLamp, light: Vec3) -> Value {
+/// A black surface that shines, of the area that the lamp has: what is smaller than `least_m` shines from that size.
+fn body(document: &mut Document, lamp: &FreeLamp, least_m: f32, light: Vec3) -> Value {
     let (corners, normals, indices) = match lamp.shape {
-        LampShape::Rectangle { size_m } => rectangle(size_m.map(|side| side.max(LEAST_M))),
-        LampShape::Disk { radius_m } => disk(radius_m.max(0.5 * LEAST_M)),
-        LampShape::Sphere { radius_m } => sphere(radius_m.max(0.5 * LEAST_M)),
+        LampShape::Rectangle { size_m } => rectangle(size_m.map(|side| side.max(least_m))),
+        LampShape::Disk { radius_m } => disk(radius_m.max(0.5 * least_m)),
+        LampShape::Sphere { radius_m } => sphere(radius_m.max(0.5 * least_m)),
         _ => return Value::Null,
     };
     let (color, strength) = color_and_strength(light);

@@ -24,9 +24,9 @@ const SKY_PATCHES: [(u64, u32); 3] = [(145, 1), (577, 2), (2305, 4)];
 /// Texels along each side of a panel.
 const TEXELS: RangeInclusive<u32> = PANEL_RESOLUTION;
 /// Heights of a work plane above its floor.
-pub const HEIGHT_M: RangeInclusive<f64> = 0.0..=100.0;
+pub const HEIGHT_M: RangeInclusive<f64> = 0.0..=1e4;
 /// Distances of its points.
-pub const SPACING_M: RangeInclusive<f64> = 0.01..=100.0;
+pub const SPACING_M: RangeInclusive<f64> = 1e-3..=1e4;
 
 /// What is chosen about a scene; what it leaves out is as it is.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn panels_units_patches_of_the_sky_and_the_work_plane_come_back_with_the_look() {
-        let plain = PlaneChoice { height_m: 0.0, spacing_m: None, floor: None };
+        let plain = PlaneChoice { height_m: 750.0, spacing_m: Some(0.0025), floor: None };
         let scene = SceneChoice { work_plane: Some(plain), ..SceneChoice::default() };
         for look in [rich(), Look { scene, ..Look::default() }] {
             let (back, warnings) = Look::from_json(&look.to_json()).unwrap();

@@ -3,7 +3,7 @@
 use clerestory_transport::camera::{Camera, Film, Pose};
 use eframe::egui::{self, Button, ComboBox, Grid, Key, RichText, TextEdit, Ui};
 
-use super::number::Number;
+use super::number::{Number, step_m};
 use crate::action::Action;
 use crate::look::bookmarks::has_room;
 use crate::look::numbered_name;
@@ -23,6 +23,8 @@ pub struct CameraView<'a> {
     pub film: Film,
     /// Whether the camera is in hand.
     pub is_moving: bool,
+    /// Diagonal of the scene, m; infinite where it is not known.
+    pub extent_m: f32,
 }
 
 /// What the section sets.
@@ -54,7 +56,7 @@ pub fn camera_ui(ui: &mut Ui, view: &CameraView, edit: CameraEdit, actions: &mut
         mode_ui(ui, view, camera, actions);
         choice_ui(ui, view, camera, edit.bookmarks, actions);
         views_ui(ui, view.views, actions);
-        egui::CollapsingHeader::new("Numbers").id_salt("view numbers").show(ui, |ui| numbers_ui(ui, camera, view.film));
+        egui::CollapsingHeader::new("Numbers").id_salt("view numbers").show(ui, |ui| numbers_ui(ui, camera, view));
         egui::CollapsingHeader::new("Navigation").id_salt("habits").show(ui, |ui| habits_ui(ui, edit.habits));
     });
 }
@@ -195,17 +197,20 @@ fn view_ui(ui: &mut Ui, view: &ViewEntry, actions: &mut Vec<Action>) {
 }
 
 /// Position, angles, lens and shift.
-fn numbers_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
+fn numbers_ui(ui: &mut Ui, camera: &mut Camera, view: &CameraView) {
     let before = Pose::of(camera);
     let mut pose = before;
     Grid::new("view numbers").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
         // Each in a row of its own: the panel may be narrow.
         let axes = [("X", &mut pose.position.x), ("Y", &mut pose.position.y), ("Z", &mut pose.position.z)];
+        let (speed, digits) = step_m(0.02, 2, view.extent_m);
         for (axis, meters) in axes {
             ui.label(format!("Position {axis}"));
-            let number = Number::new(meters).range(PLACE_M).leaves_what_is_outside().speed(0.02);
+            let number = Number::new(meters).range(PLACE_M).leaves_what_is_outside().speed(speed);
             let hint = format!("{axis} in meters; Y points up");
-            ui.add(number.max_decimals(2).suffix(" m")).on_hover_text(hint).accessible_name(format!("Camera {axis}"));
+            ui.add(number.max_decimals(digits).suffix(" m"))
+                .on_hover_text(hint)
+                .accessible_name(format!("Camera {axis}"));
             ui.end_row();
         }
         let angles = [
@@ -218,7 +223,7 @@ fn numbers_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
             degrees_ui(ui, radians, range).on_hover_text(hint).accessible_name(name);
             ui.end_row();
         }
-        lens_ui(ui, camera, film);
+        lens_ui(ui, camera, view.film);
         for (axis, idx, hint) in [("Shift X", 0, "To the right"), ("Shift Y", 1, "Up")] {
             ui.label(axis);
             let range = -Camera::MOST_SHIFT..=Camera::MOST_SHIFT;
@@ -283,7 +288,9 @@ fn habits_ui(ui: &mut Ui, habits: &mut Habits) {
 pub fn option_words(camera: &Camera) -> String {
     let Pose { position, yaw_rad, pitch_rad, roll_rad } = Pose::of(camera);
     let angles = [yaw_rad, pitch_rad, camera.yfov_rad, roll_rad].map(f32::to_degrees);
-    let numbers: Vec<String> = position.to_array().into_iter().chain(angles).map(|n| format!("{n:.4}")).collect();
+    // In a model of centimeters four digits behind the point are another place.
+    let place = position.to_array().into_iter().map(|meters| meters.to_string());
+    let numbers: Vec<String> = place.chain(angles.into_iter().map(|degrees| format!("{degrees:.4}"))).collect();
     let view = format!("--view={}", numbers.join(","));
     match camera.shift {
         [0.0, 0.0] => view,

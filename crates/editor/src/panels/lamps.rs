@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::lights::listed::Listed;
 use super::lights::names::{Renaming, name_field_ui};
-use super::number::{Number, before_drag};
+use super::number::{Number, before_drag, step_m};
 use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::lamps::{FARTHEST_M, MOST_STRENGTH};
@@ -36,6 +36,8 @@ pub struct LampState {
     pub pulled: Option<Pulled>,
     /// Where the menu of the picture was opened.
     pub menu_at: Option<Pos2>,
+    /// Diagonal of the scene in which lamps stand, m, where it is known.
+    pub extent_m: Option<f32>,
     /// A name that is being typed.
     naming: Renaming,
 }
@@ -75,6 +77,10 @@ impl LampState {
     /// Whether a lamp is dragged in the picture, or about to be.
     pub fn is_in_hand(&self) -> bool {
         self.drag.is_some() || self.pulled_at.is_some()
+    }
+
+    fn extent_m(&self) -> f32 {
+        self.extent_m.unwrap_or(f32::INFINITY)
     }
 
     /// Lets go of what is dragged in the picture: it stays where it is.
@@ -220,7 +226,7 @@ pub(super) fn details_ui(
                 let name = look.name_of(key).to_owned();
                 let lamp = &mut look.lights.lamps[idx];
                 strength_ui(ui, &name, lamp);
-                shape_ui(ui, &name, lamp);
+                shape_ui(ui, &name, lamp, state.extent_m());
                 place_ui(ui, &name, lamp, state);
             });
             buttons_ui(ui, &look.lights.lamps[idx], state, actions);
@@ -287,9 +293,10 @@ fn strength_within(lamp: &FreeLamp, unit: LampUnit) -> Option<f32> {
     lamp.strength_in(unit).filter(|strength| (0.0..=MOST_STRENGTH).contains(strength))
 }
 
-fn shape_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
+fn shape_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, extent_m: f32) {
+    let (speed, digits) = step_m(0.005, 3, extent_m);
     let meters = |ui: &mut Ui, value: &mut f32, what: &str| {
-        let number = Number::new(value).range(0.0..=1e4).speed(0.005).suffix(" m").max_decimals(3);
+        let number = Number::new(value).range(0.0..=1e4).speed(speed).suffix(" m").max_decimals(digits);
         ui.add(number).on_hover_text(what).accessible_name(format!("{name} {}", what.to_lowercase()));
     };
     match &mut lamp.shape {
@@ -345,11 +352,12 @@ fn angle(degrees: &mut f32, most: f32) -> Number<'_> {
 }
 
 fn place_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, state: &mut LampState) {
+    let (speed, digits) = step_m(0.01, 3, state.extent_m());
     let numbers = |ui: &mut Ui, place: &mut Vec3, what: &str| {
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 3.0;
             for (value, axis) in place.as_mut().iter_mut().zip(["X", "Y", "Z"]) {
-                let number = Number::new(value).range(-FARTHEST_M..=FARTHEST_M).speed(0.01).fixed_decimals(3);
+                let number = Number::new(value).range(-FARTHEST_M..=FARTHEST_M).speed(speed).fixed_decimals(digits);
                 ui.add(number)
                     .on_hover_text(format!("{axis}, meters"))
                     .accessible_name(format!("{name} {what} {axis}"));
@@ -458,6 +466,28 @@ mod tests {
             let told = told.expect("a number has a value").parse::<f32>().expect("digits");
             assert_eq!(told, words.parse::<f32>().expect("digits"), "{words}");
         }
+    }
+
+    #[test]
+    fn in_a_model_of_centimeters_the_size_of_a_lamp_is_told_by_the_digits_that_count() {
+        let mut lamp = FreeLamp {
+            key: "lamp".into(),
+            shape: LampShape::Sphere { radius_m: 0.00125 },
+            position: Vec3::ZERO,
+            aim: Vec3::NEG_Y,
+            turn_rad: 0.0,
+            strength: 1.0,
+            unit: LampUnit::Lumen,
+            setting: LightSetting::default(),
+            replaces: None,
+        };
+        let mut window = Harness::new_ui(|ui| {
+            Grid::new("lamp").show(ui, |ui| shape_ui(ui, "lamp", &mut lamp, 0.05));
+        });
+        window.run_steps(2);
+        let told = window.get_by_role_and_label(Role::SpinButton, "lamp radius").accesskit_node().value();
+        let told = told.expect("a number has a value");
+        assert!(told.contains("0.00125"), "{told}");
     }
 
     #[test]

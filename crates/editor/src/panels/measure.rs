@@ -3,7 +3,7 @@
 use eframe::egui::{Button, Grid, RichText, Ui};
 use serde::{Deserialize, Serialize};
 
-use super::number::{Number, number_of};
+use super::number::{Number, number_of, step_m};
 use crate::action::{Action, FileTask};
 use crate::illuminance::{FOOT_CANDLE_LX, LuxFigures, lux_words, share_words};
 use crate::legend::number_words;
@@ -44,6 +44,8 @@ pub struct MeasureView<'a> {
     pub known_floor: Option<KnownFloor>,
     /// What of the look is of another view than the one that is shown, for people.
     pub elsewhere: Option<String>,
+    /// Diagonal of the scene, m, where it is known.
+    pub extent_m: Option<f32>,
 }
 
 /// A floor whose area in m² is known.
@@ -266,19 +268,28 @@ pub fn missing_ui(ui: &mut Ui, lux_bake: LuxBake, actions: &mut Vec<Action>) {
 
 /// Height of a work plane at first, meters: that of a desk.
 const DESK_M: f32 = 0.75;
+/// Of the diagonal of a scene a desk is no higher: else the scene is a model, a tenth or a hundredth of what it shows.
+const DESK_OF_EXTENT: f32 = 0.25;
+
+fn desk_m(extent_m: f32) -> f32 {
+    let mut models = (0..6).map(|power| DESK_M / 10f32.powi(power));
+    models.find(|desk_m| *desk_m <= DESK_OF_EXTENT * extent_m).unwrap_or(DESK_M)
+}
 
 /// A level grid of sensors over a floor.
 fn work_plane_ui(ui: &mut Ui, plane: &mut Option<PlaneChoice>, view: &MeasureView, actions: &mut Vec<Action>) {
+    let extent_m = view.extent_m.unwrap_or(f32::INFINITY);
+    let (speed, digits) = step_m(0.01, 3, extent_m);
     let mut is_wanted = plane.is_some();
     let hint = "A level grid of sensors above a floor, baked with the illuminance: average, minimum and uniformity";
     if ui.checkbox(&mut is_wanted, "Work plane").on_hover_text(hint).changed() {
         let floor = view.floor.map(str::to_owned);
-        *plane = is_wanted.then_some(PlaneChoice { height_m: DESK_M, spacing_m: None, floor });
+        *plane = is_wanted.then_some(PlaneChoice { height_m: desk_m(extent_m), spacing_m: None, floor });
     }
     let Some(plane) = plane else { return };
     Grid::new("work plane").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
         let label = ui.label("Height");
-        let height = Number::new(&mut plane.height_m).range(HEIGHT_M).speed(0.01).max_decimals(3).suffix(" m");
+        let height = Number::new(&mut plane.height_m).range(HEIGHT_M).speed(speed).max_decimals(digits).suffix(" m");
         ui.add(height).labelled_by(label.id).on_hover_text("Above the floor");
         ui.end_row();
         let label = ui.label("Spacing");
@@ -286,7 +297,7 @@ fn work_plane_ui(ui: &mut Ui, plane: &mut Option<PlaneChoice>, view: &MeasureVie
         let words = |m: f64, _| if m > 0.0 { format!("{} m", number_words(m as f32)) } else { "EN 12464-1".into() };
         let drag = Number::new(&mut spacing)
             .range(0.0..=*SPACING_M.end())
-            .speed(0.01)
+            .speed(speed)
             .words(words)
             .read(|text| number_of(text, " m"));
         let hint = "Between points; at 0 it is as EN 12464-1 asks for the size of the floor";
@@ -370,6 +381,12 @@ mod tests {
     use egui_kittest::kittest::{NodeT, Queryable};
 
     use super::*;
+
+    #[test]
+    fn a_work_plane_is_as_high_as_a_desk_in_a_model_as_well() {
+        let found = [f32::INFINITY, 300.0, 3.5, 0.05].map(desk_m);
+        assert!(found[..3] == [DESK_M; 3] && (found[3] - 0.0075).abs() < 1e-6, "{found:?}");
+    }
 
     #[test]
     fn a_brush_that_suits_the_picture_has_no_pixels_to_tell() {

@@ -16,6 +16,8 @@ pub const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
 pub const AXIS_NAMES: [&str; 3] = ["X", "Y", "Z"];
 /// How far from the camera a drag may carry a lamp, in diameters of the scene, or in its distance where it is farther off than one.
 const FARTHEST: f32 = 10.0;
+/// How far ahead of a lamp of the file its aim lies at most, in diameters of the scene.
+const AHEAD: f32 = 0.3;
 /// Least sine between a ray and an axis or plane along which it drags.
 const LEAST_SINE: f32 = 0.03;
 /// Pointer travel that counts while Shift is held.
@@ -285,9 +287,19 @@ impl Drag {
 
 /// A lamp of a shape where a surface is seen, shining away from it.
 pub fn put_on(mut lamp: FreeLamp, surface: Surface, eye: Vec3, scene: &PreparedScene) -> FreeLamp {
-    lamp.position = before(scene, &surface, standoff_m(&lamp.shape, surface.position.distance(eye)));
-    lamp.aim = if lamp.shape.is_aimed() { lamp.position + surface.normal } else { below(lamp.position) };
+    let distance_m = surface.position.distance(eye);
+    lamp.position = before(scene, &surface, standoff_m(&lamp.shape, distance_m));
+    let ahead = surface.normal * scale_of(distance_m);
+    lamp.aim = if lamp.shape.is_aimed() { lamp.position + ahead } else { below(lamp.position) };
     lamp
+}
+
+/// A lamp of the file, whose aim is a meter ahead of it: no farther than a part of the scene, beyond which nobody could take hold of it.
+pub fn aimed_within(lamp: FreeLamp, scene: &PreparedScene) -> FreeLamp {
+    // Where coordinates are large, rounding would turn what aims at something close.
+    let least_m = 0.01 * lamp.position.length();
+    let ahead_m = (AHEAD * scene.diameter()).max(least_m).min(1.0);
+    FreeLamp { aim: lamp.position.lerp(lamp.aim, ahead_m), ..lamp }
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use std::f32::consts::{FRAC_PI_4, PI, TAU};
 use glam::{Vec2, Vec3};
 
 use super::{FreeLamp, LampShape};
+use crate::prepared::{PreparedScene, SHADOW_END};
 use crate::sampler::uniform_sphere;
 
 /// A surface that shines diffusely, in world space.
@@ -49,28 +50,37 @@ pub(crate) struct BodyPoint {
 /// Least length of a side, and least diameter. What is smaller shines from that size with the same flux, so that a surface that
 /// touches it is bright, but not without bound.
 const LEAST_M: f32 = 5e-3;
+/// The same at most, over a distance beyond all surfaces: in a model of centimeters a lamp is of millimeters.
+const LEAST_OF_FAR: f32 = 5e-4;
 
-/// So little behind a surface, of the distance, a body lies in it and is seen: of one in a ceiling rounding would hide pixels.
-const IN_SURFACE: f32 = 1e-5;
+/// Least length of a side of a body in a scene, and least diameter, m.
+pub fn least_size_m(scene: &PreparedScene) -> f32 {
+    LEAST_M.min(LEAST_OF_FAR * scene.far())
+}
 
 impl Body {
-    /// The body of a lamp and the area that the look gives it, m²; `None` for a lamp without size.
+    /// The body of a lamp in a room and the area that the look gives it, m²; `None` for a lamp without size.
     pub fn of(lamp: &FreeLamp) -> Option<(Body, f64)> {
+        Body::no_less(lamp, LEAST_M)
+    }
+
+    /// The same where sides and diameters are at least so long, m.
+    pub fn no_less(lamp: &FreeLamp, least_m: f32) -> Option<(Body, f64)> {
         let center = lamp.position;
         let [right, up, normal] = lamp.frame();
         match lamp.shape {
             LampShape::Rectangle { size_m: [width, height] } => {
-                let half = [right * (0.5 * width.max(LEAST_M)), up * (0.5 * height.max(LEAST_M))];
+                let half = [right * (0.5 * width.max(least_m)), up * (0.5 * height.max(least_m))];
                 Some((Body::Rectangle { center, half, normal }, f64::from(width) * f64::from(height)))
             }
             LampShape::Disk { radius_m } => {
-                let radius = radius_m.max(0.5 * LEAST_M);
+                let radius = radius_m.max(0.5 * least_m);
                 let area = std::f64::consts::PI * f64::from(radius_m).powi(2);
                 Some((Body::Disk { center, radii: [right * radius, up * radius], normal }, area))
             }
             LampShape::Sphere { radius_m } => {
                 let area = 4.0 * std::f64::consts::PI * f64::from(radius_m).powi(2);
-                Some((Body::Sphere { center, radius: radius_m.max(0.5 * LEAST_M) }, area))
+                Some((Body::Sphere { center, radius: radius_m.max(0.5 * least_m) }, area))
             }
             _ => None,
         }
@@ -112,7 +122,8 @@ impl Body {
         }
     }
 
-    /// Where a ray meets the shining side first, in lengths of its direction, before a surface at `t_max` or in it.
+    /// Where a ray meets the shining side first, in lengths of its direction, before a surface at `t_max`, or so little behind it that
+    /// shadow rays end before the surface: of one in a ceiling rounding would hide pixels.
     pub fn meet(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<(f32, BodyPoint)> {
         let (t, normal) = match self {
             Body::Rectangle { center, half: [u, v], normal } => {
@@ -129,7 +140,7 @@ impl Body {
                 (t, (origin + direction * t - *center).normalize_or_zero())
             }
         };
-        (t > 0.0 && t * (1.0 - IN_SURFACE) < t_max).then(|| (t, BodyPoint { position: origin + direction * t, normal }))
+        (t > 0.0 && t * SHADOW_END < t_max).then(|| (t, BodyPoint { position: origin + direction * t, normal }))
     }
 }
 

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use thiserror::Error;
 
-use super::body::Body;
+use super::body::{Body, least_size_m};
 use super::light::{Form, Lamp};
 use super::units::{lumen_per_candela, native_strength};
 use super::{FreeLamp, LampShape, LampUnit};
@@ -121,6 +121,8 @@ pub(crate) struct PreparedLamp {
     pub(crate) lamp: Lamp,
     /// Candela, lux or nit per channel.
     pub(crate) emission: Vec3,
+    /// As the look has it, where it has a body.
+    asked: Option<FreeLamp>,
 }
 
 /// Farthest place from the origin, and largest size, m.
@@ -193,6 +195,14 @@ impl PreparedLamps {
             }
         }
         (able, errors)
+    }
+
+    /// The same lamps in a scene: where that is small, bodies may be smaller than in a room, with the same flux. See [`least_size_m`].
+    #[must_use]
+    pub fn in_scene(mut self, scene: &PreparedScene) -> PreparedLamps {
+        let least_m = least_size_m(scene);
+        self.lamps.iter_mut().for_each(|lamp| lamp.fit(least_m));
+        self
     }
 
     /// Whether no lamp shines.
@@ -270,6 +280,15 @@ impl Place {
 }
 
 impl PreparedLamp {
+    /// Gives its body the size that the look asks for, but no side or diameter of less than so much, m.
+    fn fit(&mut self, least_m: f32) {
+        let Some((body, _)) = self.asked.as_ref().and_then(|lamp| Body::no_less(lamp, least_m)) else { return };
+        if let Form::Body(before) = &mut self.lamp.form {
+            self.emission *= before.area() / body.area();
+            *before = body;
+        }
+    }
+
     /// See [`PreparedLamps::light_on`].
     pub(super) fn light_on(&self, scene: &PreparedScene, sample: &PatchSample, most_slabs: usize) -> Vec3 {
         let place = Place { most_slabs, ..Place::new(scene, sample.position, sample.normal) };
@@ -438,7 +457,8 @@ fn prepare(
         }
     };
     let shines = emission != Vec3::ZERO;
-    Ok(shines.then(|| PreparedLamp { key: lamp.key.clone(), lamp: Lamp { form }, emission }))
+    let asked = body.is_some().then(|| lamp.clone());
+    Ok(shines.then(|| PreparedLamp { key: lamp.key.clone(), lamp: Lamp { form }, emission, asked }))
 }
 
 fn value_error(lamp: &FreeLamp, what: &'static str, value: f32, range: &'static str) -> LampError {
@@ -517,6 +537,34 @@ mod tests {
             assert_eq!(told(shape.clone(), LampUnit::Candela), (false, 0));
         }
         assert_eq!(told(LampShape::Disk { radius_m: 0.1 }, LampUnit::Nit), (false, 0));
+    }
+
+    #[test]
+    fn in_a_model_of_centimeters_a_body_is_as_small_as_the_look_has_it() {
+        let scene = |scale: f32| {
+            let room = include_str!("../../../editor/tests/room.gltf");
+            let mut scene = crate::import::load_bytes("room", room.as_bytes()).expect("a scene").scene;
+            scene.mesh.positions.iter_mut().for_each(|position| *position *= scale);
+            PreparedScene::new(scene, &[]).expect("it has no panels").0
+        };
+        let (room, model) = (scene(1.0), scene(0.01));
+        for (shape, in_room_m, in_model_m) in [
+            (LampShape::Sphere { radius_m: 1e-3 }, 2.5e-3, 1e-3),
+            (LampShape::Disk { radius_m: 1e-3 }, 2.5e-3, 1e-3),
+            (LampShape::Disk { radius_m: 0.0 }, 2.5e-3, 0.5 * least_size_m(&model)),
+            (LampShape::Sphere { radius_m: 0.1 }, 0.1, 0.1),
+        ] {
+            let lamp = FreeLamp { unit: LampUnit::Lumen, strength: 100.0, ..lamp(shape) };
+            for (scene, expected_m) in [(&room, in_room_m), (&model, in_model_m)] {
+                let lamps = PreparedLamps::new(std::slice::from_ref(&lamp), None).expect("a lamp").0.in_scene(scene);
+                let shining = &lamps.lamps()[0];
+                let body = shining.lamp.body().expect("it has one");
+                let (radius_m, lumen) = (body.ball().1, std::f32::consts::PI * body.area() * shining.emission.x);
+                assert!((radius_m / expected_m - 1.0).abs() < 1e-5, "{lamp:?}: {radius_m} m, not {expected_m}");
+                assert!((lumen - 100.0).abs() < 1e-2, "{lamp:?} sends {lumen} lm");
+            }
+        }
+        assert!(least_size_m(&model) < 1e-4);
     }
 
     #[test]

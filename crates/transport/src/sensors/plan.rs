@@ -253,15 +253,20 @@ impl Level {
     }
 }
 
+/// Heights that are one level, m, and over the diagonal of the scene: in a model of centimeters tables are less than one high.
+const LEVEL_M: f64 = 0.01;
+const LEVEL_OF_EXTENT: f64 = 4e-3;
+
 /// The floor among some triangles: the lowest level of surfaces that face up with at least half the area of the largest level.
 fn floor(mesh: &Mesh, is_of: impl Fn(u32) -> bool) -> Option<Level> {
-    // Of each centimeter.
+    let (low, high) = mesh.bounds()?;
+    let level_m = LEVEL_M.min(LEVEL_OF_EXTENT * f64::from(low.distance(high)));
     let mut levels: BTreeMap<i64, Level> = BTreeMap::new();
     for triangle in (0..mesh.triangles.len() as u32).filter(|triangle| is_of(*triangle)) {
         let normal = mesh.area_normal(triangle);
         if normal.y > 0.99 * normal.length() {
             let height = mesh.corners(triangle).iter().map(|corner| f64::from(corner.y)).sum::<f64>() / 3.0;
-            let level = levels.entry((height * 100.0).round() as i64).or_default();
+            let level = levels.entry((height / level_m).round() as i64).or_default();
             level.twice_m2 += f64::from(normal.y);
             level.moment += f64::from(normal.y) * height;
             level.triangles.push(triangle);
@@ -283,6 +288,29 @@ mod tests {
             assert!((asked - spacing).abs() < 1e-4, "{asked} m for {sides:?}");
         }
         assert_eq!(standard_spacing(Vec2::splat(5000.0)), 10.0);
+    }
+
+    #[test]
+    fn in_a_model_of_centimeters_a_table_is_no_floor() {
+        let quad =
+            |side: f32, y: f32| [[0.0, 0.0], [0.0, side], [side; 2], [side, 0.0]].map(|[x, z]| Vec3::new(x, y, z));
+        for scale in [0.01, 1.0] {
+            let mesh = Mesh {
+                positions: [quad(4.0, 0.0), quad(3.0, 0.45)]
+                    .concat()
+                    .into_iter()
+                    .map(|corner| corner * scale)
+                    .collect(),
+                normals: vec![Vec3::Y; 8],
+                triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]],
+                triangle_material: vec![0; 4],
+                triangle_node: vec![0; 4],
+                ..Mesh::default()
+            };
+            let scene = Scene { mesh, ..Scene::default() };
+            let area_m2 = floor_area_m2(&scene).expect("a floor");
+            assert!((area_m2 / (16.0 * scale * scale) - 1.0).abs() < 1e-4, "{area_m2} m² at {scale}");
+        }
     }
 
     #[test]

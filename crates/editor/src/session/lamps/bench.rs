@@ -249,7 +249,8 @@ impl Bench {
             }
             // One that failed is tried again each time: its file may be there now.
             match PreparedLamps::of(&white(&lamp), &mut self.profiles) {
-                Ok(prepared) => {
+                Ok((prepared, warnings)) => {
+                    let prepared = (prepared.in_scene(&self.view.scene), warnings);
                     let most = self.most_passes(&lamp);
                     self.n_traced += 1;
                     self.lamps.push(Lit::new(self.n_traced, lamp, prepared, most));

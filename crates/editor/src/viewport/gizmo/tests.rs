@@ -242,6 +242,22 @@ fn a_lamp_is_put_before_a_surface_and_shines_away_from_it() {
 }
 
 #[test]
+fn in_a_model_of_centimeters_aims_lie_within_it() {
+    let mut model = prepared_room().scene;
+    model.mesh.positions.iter_mut().for_each(|position| *position *= 0.01);
+    let model = PreparedScene::new(model, &[]).unwrap().0;
+    let surface = Surface { position: Vec3::Y * 0.01, normal: Vec3::NEG_Y };
+    let put = put_on(lamp(Vec3::ZERO), surface, Vec3::ZERO, &model);
+    assert!(put.aim.y < put.position.y && put.aim.length() < 0.01, "{put:?}");
+    let of_file = lamp(Vec3::Y * 0.005);
+    let before = of_file.aim - of_file.position;
+    let within = aimed_within(of_file.clone(), &model);
+    let way = within.aim - within.position;
+    assert!(way.length() < 0.02 && near(way.normalize(), before.normalize()), "{within:?}");
+    assert_eq!(aimed_within(of_file.clone(), &prepared_room()).aim, of_file.aim, "in a room it stays");
+}
+
+#[test]
 fn who_aims_through_a_pane_lights_what_is_behind_it() {
     let mut scene = prepared_room().scene;
     let first = scene.mesh.positions.len() as u32;
