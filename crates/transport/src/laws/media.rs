@@ -1,10 +1,13 @@
 //! Light within a solid that attenuates: water, and what lies in it.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::stage::{Stage, lambert, pane, quad, room, tint};
 use super::walks::{Even, Mean, Walks, assert_same_mean, file_light};
 use crate::camera::{Camera, Film};
+use crate::path::{Deposit, Integrator, KnownAt, NoLights, Onto, Scratch};
+use crate::plan::{Density, MatrixPlan};
+use crate::sampler::Sampler;
 use crate::scene::Material;
 
 const FILM: Film = Film { width: 16, height: 12 };
@@ -87,4 +90,59 @@ fn walks_through_a_film_in_water_are_attenuated_as_connections_are() {
         walks(Some(3), spp, seed).streams(&scene, &Even { n_cols: weights.len() as u32, rate, splits: 1 }, &weights)
     };
     assert_same_mean(&by(1.0, 12, 2), &by(0.0, 48, 1), SHARP, "walks alone or connections");
+}
+
+#[test]
+fn what_water_shows_has_its_shared_light_attenuated() {
+    let scene = basin().prepared();
+    let (weights, plan) = (file_light(&scene), MatrixPlan::new(&scene.lighting, Density::Full));
+    let traced = walks(None, 16, 1).streams(&scene, &plan, &weights);
+    assert_same_mean(&walks(None, 16, 2).gathered(&scene, &plan, &weights), &traced, SHARP, "gathered and traced");
+}
+
+#[test]
+fn light_that_arrives_on_the_ground_of_water_has_come_through_it() {
+    let ground = || tank().surface("ground", &level(-0.4), lambert(0.0, 0.0));
+    let scene = ground().lamp("lamp", BELOW, 40.0).prepared();
+    let (weights, plan) = (file_light(&scene), MatrixPlan::new(&scene.lighting, Density::Full));
+    let (walk, lux) = (Walks::of_one_pixel(16, None), 40.0 / 0.4f64.powi(2) * kept(0.4));
+    assert_is(&walk.irradiance(&scene, &plan, &weights), lux, "traced");
+    assert_is(&walk.gathered_irradiance(&scene, &plan, &weights), lux, "gathered");
+
+    let scene = basin().prepared();
+    let (weights, plan) = (file_light(&scene), MatrixPlan::new(&scene.lighting, Density::Full));
+    let traced = walks(None, 16, 1).irradiance(&scene, &plan, &weights);
+    let gathered = walks(None, 16, 2).gathered_irradiance(&scene, &plan, &weights);
+    assert_same_mean(&gathered, &traced, SHARP, "gathered and traced in a basin");
+}
+
+/// Whether some light is known that a surface in water receives.
+struct Known(bool);
+
+impl Deposit for Known {
+    const KNOWS: bool = true;
+
+    fn scattered(&mut self, _: u32, _: Vec3) {}
+
+    fn seen(&mut self, _: u32, _: Vec3) {}
+
+    fn known(&mut self, at: &KnownAt<'_>) -> bool {
+        self.0 |= at.hit.position.abs().max_element() < 0.49;
+        true
+    }
+}
+
+#[test]
+fn no_walk_ends_in_a_cell_within_water() {
+    // A white wall behind the water, from the middle of which walks go into it.
+    let back = quad(Vec3::new(-1.0, -1.0, -0.6), Vec3::X * 2.0, Vec3::Y * 2.0);
+    let scene = basin().surface("back", &back, lambert(0.8, 0.0)).prepared();
+    let integrator = Integrator::new(&scene, &NoLights, None);
+    let at = scene.point_of(scene.scene.mesh.triangles.len() as u32 - 2, Vec2::new(0.05, 0.45));
+    let (mut known, mut scratch) = (Known(false), Scratch::default());
+    for walk in 0..512 {
+        let mut sampler = Sampler::new(2, 0, walk);
+        integrator.gather_indirect((&at, Vec3::Z, Onto::Point), &mut sampler, &mut scratch, &mut known);
+    }
+    assert!(!known.0, "a surface within water was asked for its light");
 }
