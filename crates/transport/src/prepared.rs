@@ -461,8 +461,7 @@ impl PreparedScene {
     /// Whether no light passes a triangle, whatever its textures say.
     pub(crate) fn is_wall(&self, triangle: u32) -> bool {
         let material = self.material(triangle);
-        let passes = material.finish.as_ref().is_some_and(|finish| finish.diffuse_transmission > 0.0);
-        material.alpha == AlphaMode::Opaque && material.transmission <= 0.0 && !passes && !material.unlit
+        material.alpha == AlphaMode::Opaque && !material.transmits() && !material.unlit
     }
 
     /// What of the scene itself is found needless, whoever looks at it.
