@@ -571,7 +571,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let inside = sample.wi.dot(hit.normal) < 0.0;
         walk.origin = hit.origin(if inside { -hit.normal } else { hit.normal });
         if sample.transmitted && self.scene.attenuates {
-            walk.extinction = self.scene.extinction_behind(hit.triangle, !inside);
+            walk.extinction = self.scene.extinction_behind(hit.triangle, !inside, walk.extinction);
         }
         true
     }
@@ -598,7 +598,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
     fn extinction_towards(&self, walk: &Walk, hit: &SurfaceHit, direction: Vec3) -> Vec3 {
         let back = hit.normal.dot(walk.direction) >= 0.0;
         let before = (direction.dot(hit.normal) > 0.0) != back;
-        if before { walk.extinction } else { self.scene.extinction_behind(hit.triangle, back) }
+        if before { walk.extinction } else { self.scene.extinction_behind(hit.triangle, back, walk.extinction) }
     }
 
     /// Next-event estimation: connects a vertex to the columns that the plan picks.

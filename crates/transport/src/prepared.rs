@@ -461,8 +461,7 @@ impl PreparedScene {
     /// Whether no light passes a triangle, whatever its textures say.
     pub(crate) fn is_wall(&self, triangle: u32) -> bool {
         let material = self.material(triangle);
-        let passes = material.finish.as_ref().is_some_and(|finish| finish.diffuse_transmission > 0.0);
-        material.alpha == AlphaMode::Opaque && material.transmission <= 0.0 && !passes && !material.unlit
+        material.alpha == AlphaMode::Opaque && !material.transmits() && !material.unlit
     }
 
     /// What of the scene itself is found needless, whoever looks at it.
@@ -562,10 +561,14 @@ impl PreparedScene {
         }
     }
 
-    /// Extinction of what a ray enters that passes a triangle, coming `from_back` or from its front, 1/m.
-    pub(crate) fn extinction_behind(&self, triangle: u32, from_back: bool) -> Vec3 {
+    /// Extinction of what a ray enters that passes a triangle, coming `from_back` or from its front, 1/m. A triangle that bounds no
+    /// solid leaves it in what it comes from, of extinction `before`.
+    pub(crate) fn extinction_behind(&self, triangle: u32, from_back: bool, before: Vec3) -> Vec3 {
         let material = self.material(triangle);
-        if from_back || material.thickness <= 0.0 || !material.attenuation_distance.is_finite() {
+        if material.thickness <= 0.0 || self.is_clear_pane(triangle) {
+            return before;
+        }
+        if from_back || !material.attenuation_distance.is_finite() {
             return Vec3::ZERO;
         }
         -material.attenuation_color.max(Vec3::splat(1e-6)).ln() / material.attenuation_distance

@@ -344,6 +344,11 @@ impl Material {
         self.thickness == 0.0 && !self.is_stretched() && crate::bsdf::is_mirror(roughness())
     }
 
+    /// Whether light goes on behind the surface, clear or scattered.
+    pub(crate) fn transmits(&self) -> bool {
+        self.transmission > 0.0 || self.finish.as_ref().is_some_and(|finish| finish.diffuse_transmission > 0.0)
+    }
+
     /// Whether its reflection is longer one way than the other: then it is never perfectly smooth.
     pub(crate) fn is_stretched(&self) -> bool {
         self.finish.as_ref().is_some_and(|finish| finish.anisotropy > 0.0)

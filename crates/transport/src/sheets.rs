@@ -1,5 +1,5 @@
-//! Glass with a thickness whose shape has none: an open sheet, which light enters and never leaves. Programs that draw without rays
-//! take the number for the glass; here the shape is traced.
+//! Glass and wax with a thickness whose shape has none: an open sheet, which light enters and never leaves. Programs that draw without
+//! rays take the number for the glass; here the shape is traced.
 
 use std::collections::BTreeMap;
 
@@ -25,13 +25,18 @@ pub(crate) fn warning(scene: &PreparedScene) -> Option<String> {
         }
     }
     let is_open = |triangles: &[u32]| !some_of(triangles).any(|triangle| has_other_side(scene, triangle));
-    let open = glass.into_iter().filter(|(_, triangles)| is_open(triangles));
-    let open: Vec<String> = open.map(|(node, _)| format!("`{}`", scene.scene.nodes[node as usize].key())).collect();
+    let (mut open, mut is_clear) = (Vec::new(), true);
+    for (node, triangles) in glass.into_iter().filter(|(_, triangles)| is_open(triangles)) {
+        open.push(format!("`{}`", scene.scene.nodes[node as usize].key()));
+        is_clear &= triangles.iter().all(|&triangle| scene.material(triangle).transmission > 0.0);
+    }
     (!open.is_empty()).then(|| {
         format!(
-            "the glass of {} has a thickness and an open shape, or faces turned inward: light goes in and never comes out, bent and \
-             colored as by a block; close the shape, turn its faces, or set the thickness to 0",
-            named(&open)
+            "the {} of {} has a thickness and an open shape, or faces turned inward: light goes in and never comes out, {}colored as by \
+             a block; close the shape, turn its faces, or set the thickness to 0",
+            if is_clear { "glass" } else { "translucent material" },
+            named(&open),
+            if is_clear { "bent and " } else { "" }
         )
     })
 }
@@ -52,8 +57,10 @@ pub(crate) fn named(names: &[String]) -> String {
 
 /// Whether light that passes a surface goes on within a body that changes it.
 pub(crate) fn is_solid(material: &Material) -> bool {
-    let changes_light = !is_matched(material.ior) || material.attenuation_distance.is_finite();
-    !material.unlit && material.transmission > 0.0 && material.thickness > 0.0 && changes_light
+    let attenuates = material.attenuation_distance.is_finite();
+    let bends = material.transmission > 0.0 && !is_matched(material.ior);
+    let changes_light = bends || attenuates && material.transmits();
+    !material.unlit && material.thickness > 0.0 && changes_light
 }
 
 /// Whether a ray straight into the body behind a triangle meets glass from within.
@@ -77,6 +84,7 @@ mod tests {
     use super::*;
     use crate::camera::Camera;
     use crate::laws::stage::{Stage, lambert, pane, quad, room};
+    use crate::scene::Finish;
 
     /// What is told of glass between a camera and a wall.
     fn told(corners: &[Vec3], glass: Material) -> Option<String> {
@@ -99,6 +107,21 @@ mod tests {
         let clear = Material { ior: 1.0, ..block() };
         for (corners, glass) in [(&sheet, pane()), (&outward, block()), (&sheet, clear)] {
             assert_eq!(told(corners, glass), None);
+        }
+    }
+
+    #[test]
+    fn wax_that_attenuates_and_is_an_open_sheet_is_named() {
+        let (sheet, inward) = (quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0), room(Vec3::splat(0.5)));
+        let outward: Vec<Vec3> = inward.chunks_exact(3).flat_map(|t| [t[0], t[2], t[1]]).collect();
+        let leaf = || Box::new(Finish { diffuse_transmission: 0.5, ..Finish::default() });
+        let wax = || Material { thickness: 0.01, finish: Some(leaf()), ..lambert(0.5, 0.0) };
+        let tinted = || Material { attenuation_distance: 0.1, ..wax() };
+        let words = told(&sheet, tinted()).expect("it is open");
+        assert!(words.contains("the translucent material of `window` has a thickness"), "{words}");
+        for (corners, wax) in [(&outward, tinted()), (&sheet, wax()), (&sheet, Material { thickness: 0.0, ..tinted() })]
+        {
+            assert_eq!(told(corners, wax), None);
         }
     }
 }

@@ -12,6 +12,7 @@ mod finishes;
 mod glazing;
 mod irradiance;
 mod leaks;
+mod media;
 mod panes;
 mod patches;
 mod pictures;

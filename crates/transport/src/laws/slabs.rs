@@ -394,6 +394,14 @@ fn lamps_in_glass_of_other_shapes_are_named() {
     let none: [String; 0] = [];
     assert_eq!(hidden(Vec3::new(1.0, 0.05, 1.0), Vec3::Y * 2.0, glass()), none, "a slab");
     assert_eq!(hidden(Vec3::splat(0.3), Vec3::Y, Material { roughness: 0.3, ..glass() }), none, "rough");
+    // Light goes straight through what has no interface, but not where it is attenuated.
+    for roughness in [0.0, 1.0] {
+        let nothing = || Material { ior: 1.0, roughness, ..glass() };
+        let found = hidden(Vec3::splat(0.3), Vec3::Y, Material { attenuation_distance: 0.2, ..nothing() });
+        assert!(found.len() == 1 && found[0].contains("`bulb` sends 100 %"), "{found:?}");
+        assert!(found[0].contains("color it and bend nothing"), "{found:?}");
+        assert_eq!(hidden(Vec3::splat(0.3), Vec3::Y, nothing()), none, "nothing at all");
+    }
 }
 
 #[test]

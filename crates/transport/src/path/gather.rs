@@ -58,6 +58,8 @@ impl<P: LightPlan> Integrator<'_, P> {
             let albedo = bsdf.base_albedo() * walk.throughput;
             // Gathered light has left the first surface: where bounces are counted, it would have too many behind a mirror.
             let is_gathered = walk.n_hits == 1 || self.bounces == u32::MAX;
+            // Nor does it know of a solid around the surface that attenuates.
+            let is_gathered = is_gathered && walk.extinction == Vec3::ZERO;
             if albedo != Vec3::ZERO && is_gathered && !self.is_spent(&walk) {
                 self.connect(&walk, (Vertex::First, Rivals::Parts), (&hit, &bsdf), sampler, scratch, deposit);
                 walk.sampled_at = Some(Vertex::First);
@@ -221,6 +223,8 @@ impl<P: LightPlan> Integrator<'_, P> {
         let albedo = broad.unwrap_or_else(|| bsdf.base_albedo());
         // What is known has left the second surface: where bounces are counted, it would have too many behind a mirror.
         let is_known = walk.n_hits == 2 || self.bounces == u32::MAX;
+        // Nor does a cell know of a solid around it that attenuates.
+        let is_known = is_known && walk.extinction == Vec3::ZERO;
         if walk.sharpness == f32::INFINITY || albedo == Vec3::ZERO || !is_known || self.is_spent(walk) {
             return None;
         }

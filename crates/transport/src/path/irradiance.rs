@@ -25,12 +25,14 @@ pub(crate) struct Receiver {
     pub normal: Vec3,
     /// See [`SurfaceHit::clearance`]; 0 where nothing stands at the point.
     pub clearance: f32,
+    /// Extinction of the solid that light comes through to it, 1/m.
+    pub extinction: Vec3,
 }
 
 impl Receiver {
     /// A point where nothing stands, in a plane with a unit normal.
     pub(crate) fn on_plane(position: Vec3, normal: Vec3) -> Receiver {
-        Receiver { position, outward: normal, normal, clearance: 0.0 }
+        Receiver { position, outward: normal, normal, clearance: 0.0, extinction: Vec3::ZERO }
     }
 
     /// Where rays to its side begin.
@@ -86,6 +88,11 @@ impl<P: LightPlan> Integrator<'_, P> {
         deposit: &mut impl Deposit,
     ) -> Option<Gathering> {
         let receiver = self.seen_receiver(ray, sampler)?;
+        // What is gathered knows nothing of a solid around the surface that attenuates.
+        if receiver.extinction != Vec3::ZERO {
+            self.sample_irradiance(&receiver, sampler, scratch, deposit);
+            return None;
+        }
         let (walk, hit, white) = self.receive(&receiver);
         self.connect(&walk, (Vertex::First, Rivals::Parts), (&hit, &white), sampler, scratch, deposit);
         let walk = Walk { sampled_at: Some(Vertex::First), ..walk };
@@ -105,6 +112,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         let hit = SurfaceHit { triangle, t: 0.0, position, barycentric, normal, clearance, extent };
         let mut walk = Walk::from_camera(at.position, -at.outward);
         (walk.throughput, walk.share, walk.n_hits) = (Vec3::splat(PI), PI, 1);
+        walk.extinction = at.extinction;
         (walk, hit, Bsdf::white(at.outward, at.normal))
     }
 
@@ -112,6 +120,7 @@ impl<P: LightPlan> Integrator<'_, P> {
     /// glass that bends.
     pub(crate) fn seen_receiver(&self, (origin, direction): (Vec3, Vec3), sampler: &mut Sampler) -> Option<Receiver> {
         let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+        let mut extinction = Vec3::ZERO;
         for _ in 0..MOST_MIRRORS {
             let hit = self.closest_seen(&ray, sampler)?;
             let material = self.scene.material(hit.triangle);
@@ -121,7 +130,8 @@ impl<P: LightPlan> Integrator<'_, P> {
             let outward = hit.outward(-ray.direction);
             if self.scene.has_diffuse_base(&hit) {
                 let normal = self.scene.smooth_normal(&hit, ray.direction);
-                return Some(Receiver { position: hit.position, outward, normal, clearance: hit.clearance });
+                let (position, clearance) = (hit.position, hit.clearance);
+                return Some(Receiver { position, outward, normal, clearance, extinction });
             }
             let bsdf = self.scene.bsdf(&hit, -ray.direction);
             if self.scene.is_clear_pane(hit.triangle) && bsdf.straight_through() != Vec3::ZERO {
@@ -131,6 +141,10 @@ impl<P: LightPlan> Integrator<'_, P> {
             let sample = bsdf.sample(sampler.next_1d(), sampler.next_2d())?;
             if bsdf.has_smooth_lobes() || sample.kind == ScatterKind::Smooth {
                 return None;
+            }
+            if sample.transmitted {
+                let from_back = sample.wi.dot(hit.normal) >= 0.0;
+                extinction = self.scene.extinction_behind(hit.triangle, from_back, extinction);
             }
             let side = if sample.transmitted { -outward } else { outward };
             let origin = hit.origin(side);

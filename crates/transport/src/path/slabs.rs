@@ -125,7 +125,7 @@ pub(crate) fn through_glass(
             None => scene.refracted(&scene.point_of(facet.triangle, uv), -direction),
         };
         passed *= refracted * kept(extinction, length);
-        extinction = scene.extinction_behind(facet.triangle, direction.dot(facet.normal) > 0.0);
+        extinction = scene.extinction_behind(facet.triangle, direction.dot(facet.normal) > 0.0, extinction);
         (at, from) = (crossing.point, facet.origin(place, direction, scene.extent()));
         lifted_m = from.distance(place);
     }

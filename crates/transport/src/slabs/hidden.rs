@@ -27,7 +27,8 @@ fn may_hide(scene: &Scene) -> bool {
     // Roughness may be one of many texels: it is asked for last.
     let hides = |m: &Material| {
         let is_smooth = || !m.is_stretched() && bsdf::is_mirror(bsdf::least_roughness(m, &scene.textures));
-        !m.unlit && (m.finish.as_ref().is_some_and(|finish| finish.clearcoat > 0.0) || is_smooth())
+        let is_lacquered = || m.finish.as_ref().is_some_and(|finish| finish.clearcoat > 0.0);
+        !m.unlit && (is_lacquered() || is_tint(m) || is_smooth())
     };
     scene.materials.iter().any(hides)
 }
@@ -40,6 +41,21 @@ fn bent(scene: &PreparedScene, hit: &SurfaceHit) -> f32 {
     }
     let params = scene.appearance(hit).params;
     if bsdf::is_mirror(params.roughness) { (1.0 - params.metallic) * params.transmission } else { 0.0 }
+}
+
+/// Whether a solid attenuates and bends nothing: light goes straight through, but no connection does.
+fn is_tint(material: &Material) -> bool {
+    let attenuates = material.thickness > 0.0 && material.attenuation_distance.is_finite();
+    !material.unlit && material.transmission > 0.0 && attenuates && bsdf::is_matched(material.ior)
+}
+
+/// Share of the light that such a solid takes in; 0 of what is none.
+fn tinted(scene: &PreparedScene, hit: &SurfaceHit) -> f32 {
+    if !is_tint(scene.material(hit.triangle)) {
+        return 0.0;
+    }
+    let params = scene.appearance(hit).params;
+    (1.0 - params.metallic) * params.transmission
 }
 
 /// Shares of light of a direction that a smooth metal, and a smooth coat, throw on; 0 of what is none, and of glass.
@@ -89,6 +105,12 @@ fn of_lamp(source: &LightSource, missing: Missing) -> Vec<String> {
              {remedy}"
         )
     });
+    let of_tints = said(missing.tinted, |percent| {
+        format!(
+            "light `{key}` sends {percent:.0} % of its light into solids that color it and bend nothing, and what passes there is \
+             missing: give them no thickness, or an index above 1 and a roughness above 0.03, or give the lamp {remedy}"
+        )
+    });
     let of_mirrors = said(missing.mirrored, |percent| {
         format!(
             "light `{key}` sends {percent:.0} % of its light onto smooth mirrors, and what they throw on is missing: make the mirror \
@@ -101,7 +123,7 @@ fn of_lamp(source: &LightSource, missing: Missing) -> Vec<String> {
              lamp {remedy}"
         )
     });
-    [of_glass, of_mirrors, of_coats].into_iter().flatten().collect()
+    [of_glass, of_tints, of_mirrors, of_coats].into_iter().flatten().collect()
 }
 
 fn of_sun(source: &LightSource, missing: Missing) -> Vec<String> {
@@ -112,7 +134,14 @@ fn of_sun(source: &LightSource, missing: Missing) -> Vec<String> {
             source.key
         )
     });
-    of_glass.into_iter().collect()
+    let of_tints = said(missing.tinted, |percent| {
+        format!(
+            "light `{}` sends {percent:.0} % of its light into solids that color it and bend nothing, and what passes there is found by \
+             chance alone, with much noise: give them no thickness, or an index above 1 and a roughness above 0.03",
+            source.key
+        )
+    });
+    [of_glass, of_tints].into_iter().flatten().collect()
 }
 
 /// Where light comes from.
@@ -170,6 +199,8 @@ pub(crate) fn parallel_rays(scene: &PreparedScene, direction: Vec3) -> Vec<Ray> 
 struct Missing {
     /// Meets smooth glass that is no slab, or too many of these.
     bent: f32,
+    /// Meets solids that attenuate and bend nothing.
+    tinted: f32,
     /// Meets smooth metal, and is thrown on.
     mirrored: f32,
     /// Meets smooth coats, and is thrown on.
@@ -198,11 +229,13 @@ fn missing(scene: &PreparedScene, sender: &Sender<'_>) -> Missing {
                 missing.mirrored += intensity * mirrored;
                 missing.coated += intensity * coated;
                 missing.bent += intensity * bent(scene, &hit);
+                missing.tinted += intensity * tinted(scene, &hit);
             }
         }
     }
     let share = |part: f32| if all > 0.0 { part / all } else { 0.0 };
-    Missing { bent: share(missing.bent), mirrored: share(missing.mirrored), coated: share(missing.coated) }
+    let Missing { bent, tinted, mirrored, coated } = missing;
+    Missing { bent: share(bent), tinted: share(tinted), mirrored: share(mirrored), coated: share(coated) }
 }
 
 fn met(scene: &PreparedScene, mut ray: Ray, nth: u32) -> Met {

@@ -78,7 +78,8 @@ impl Slab {
         let is_plain = looks.specular == 1.0 && looks.specular_color == Vec3::ONE;
         let is_far = self.bounds.lo.abs().max(self.bounds.hi.abs()).max_element() > scene.extent();
         let of_a_face = looks.base_color * ((1.0 - looks.metallic) * looks.transmission);
-        (is_plain && !is_far).then(|| (of_a_face * of_a_face, scene.extinction_behind(front.triangle, false)))
+        (is_plain && !is_far)
+            .then(|| (of_a_face * of_a_face, scene.extinction_behind(front.triangle, false, Vec3::ZERO)))
     }
 }
 

@@ -132,7 +132,7 @@ impl Found {
         let bsdf = scene.bsdf_of(hit, &looks, wo);
         let back = hit.normal.dot(trail.direction) >= 0.0;
         if bsdf.has_smooth_lobes() && trail.turns <= bounces {
-            let behind = scene.extinction_behind(hit.triangle, back);
+            let behind = scene.extinction_behind(hit.triangle, back, trail.extinction);
             let most_slabs = most_in_a_row(bounces - trail.turns);
             let (seen, extinction) = ((pixel, trail.throughput, most_slabs), [trail.extinction, behind]);
             let point = Point::new(scene, (hit, &looks, &bsdf), wo, seen, extinction, &mut self.specials);
@@ -152,8 +152,9 @@ impl Found {
                 let Some(throughput) = worth_it(trail.throughput * share, worth, sampler) else { return };
                 let inside = wi.dot(hit.normal) < 0.0;
                 let origin = hit.origin(if inside { -hit.normal } else { hit.normal });
+                let before = trail.extinction;
                 let extinction =
-                    if transmitted { scene.extinction_behind(hit.triangle, !inside) } else { trail.extinction };
+                    if transmitted { scene.extinction_behind(hit.triangle, !inside, before) } else { before };
                 let depth = trail.depth + 1;
                 waiting.push(Trail { origin, direction: wi, throughput, extinction, depth, turns, is_scattered });
             };
