@@ -14,6 +14,7 @@ impl App {
         let Some(first) = first else { return std::mem::take(&mut self.actions) };
         ctx.stop_dragging();
         self.let_go();
+        self.looks.let_go();
         let later = self.actions.split_off(first);
         std::mem::replace(&mut self.actions, later)
     }

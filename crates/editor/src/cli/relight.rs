@@ -175,6 +175,8 @@ impl Target {
 /// A bake under a look.
 pub(super) struct Lit {
     pub relighter: Relighter,
+    /// What it is lit by.
+    rig: LightRig,
     /// One RGB per column of each group, the light that lamps throw on patches included.
     coefficients: Vec<Vec<[f32; 3]>>,
     /// The picture, lamps included.
@@ -192,14 +194,15 @@ impl Lit {
         let mut radiance = relighter.relight(&coefficients)?;
         let relight_secs = begun.elapsed().as_secs_f64();
         lamps.iter().for_each(|lamp| radiance.add(&lamp.direct));
-        Ok(Lit { relighter, coefficients, radiance, relight_secs })
+        Ok(Lit { relighter, rig: look.lights.clone(), coefficients, radiance, relight_secs })
     }
 
-    /// Its light in parts.
+    /// Its light in parts, which a look names. That look may still have lamps that became lights of the scene, their groups counted in:
+    /// how much shines is asked of the rig alone.
     fn layers(&mut self, bake: &Bake, look: &Look, lamps: &[LampLight], set: LayerSet) -> Result<Vec<LightLayer>> {
         let relighter = &mut self.relighter;
         let basis = &bake.header.basis;
-        let mut layers = match basis.sun_apart(&look.lights) {
+        let mut layers = match basis.sun_apart(&self.rig) {
             Some(sun) => set.layers_with_sun(bake, look, &sun)?,
             None => set.layers(basis, look, &self.coefficients, |c| relighter.relight(c))?,
         };
@@ -329,12 +332,22 @@ impl Relighter {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::ControlFlow;
+    use std::sync::Arc;
+
     use clerestory_relight::gpu::DeviceMemory;
     use clerestory_transport::bake::BakeConfig;
     use clerestory_transport::camera::Film;
+    use clerestory_transport::emitters::{PanelRequest, SkyRequest};
+    use clerestory_transport::import;
+    use clerestory_transport::lamps::PreparedLamps;
+    use clerestory_transport::light::{LightGroup, LightSetting};
+    use clerestory_transport::prepared::PreparedScene;
+    use clerestory_transport::sky::{SkyForm, SkySetting};
 
     use super::*;
-    use crate::support::room_job;
+    use crate::look::sky::{remade, typed};
+    use crate::support::{ROOM, room_job};
 
     fn room() -> Bake {
         let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
@@ -367,5 +380,77 @@ mod tests {
         assert!(words.contains("failed, and the CPU goes on") && refused.json()["device"] == "cpu", "{words}");
         graphics.is_asked_for = true;
         assert!(Relighter::new(&bake, &rig, Some(&graphics)).is_err());
+    }
+
+    fn sky(words: &str) -> SkySetting {
+        remade(&SkySetting::default(), typed(words).unwrap()).unwrap()
+    }
+
+    /// The room without its front under a sun, its ceiling a panel and its back unlit.
+    fn court() -> PreparedScene {
+        let mut gltf: Value = serde_json::from_str(ROOM).unwrap();
+        let add = |list: &mut Value, more: Value| list.as_array_mut().unwrap().push(more);
+        gltf["accessors"][1]["count"] = json!(18);
+        for offset in [36, 48] {
+            let indices =
+                json!({"bufferView": 1, "byteOffset": offset, "componentType": 5123, "count": 6, "type": "SCALAR"});
+            add(&mut gltf["accessors"], indices);
+        }
+        add(&mut gltf["extensionsUsed"], json!("KHR_materials_unlit"));
+        add(&mut gltf["materials"], json!({"emissiveFactor": [1, 1, 1]}));
+        add(&mut gltf["materials"], json!({"extensions": {"KHR_materials_unlit": {}}}));
+        let face = |nth: u32| json!({"attributes": {"POSITION": 0}, "indices": 1 + nth, "material": nth});
+        add(&mut gltf["meshes"], json!({"primitives": [face(1)]}));
+        add(&mut gltf["meshes"][0]["primitives"], face(2));
+        add(&mut gltf["nodes"], json!({"name": "panel", "mesh": 1}));
+        add(&mut gltf["scenes"][0]["nodes"], json!(3));
+        let scene = import::load_bytes("court.gltf", gltf.to_string().as_bytes()).unwrap().scene;
+        let panel = PanelRequest { node: "panel".into(), resolution: 4 };
+        let request = SkyRequest { light: sky("sun:200,50").light(None).unwrap(), form: SkyForm::Patches(1) };
+        PreparedScene::with_sky(scene, &[panel], Some(&request)).unwrap().0
+    }
+
+    #[test]
+    fn lamps_that_were_traced_count_once_in_layers_beside_a_moved_sun() {
+        let (mut scene, film) = (court(), Film { width: 24, height: 18 });
+        let lamp = r#"{"clerestory": 1, "lamps":
+            [{"key": "bulb", "type": "point", "position": [0, 0.2, 0], "strength": 2e5, "unit": "cd"}]}"#;
+        let mut told = Look::from_json(lamp).unwrap().0;
+        told.lights.sky = Some(sky("sun:170,50"));
+        told.lights.set("sun", LightSetting { intensity: 0.5, ..LightSetting::default() });
+        told.lights.set("lamp", LightSetting { muted: true, ..LightSetting::default() });
+        for (group, intensity, lights) in [("work", 0.25, ["bulb", "panel"]), ("rest", 3.0, ["unlit", "spare"])] {
+            let lights = lights.map(String::from).into();
+            told.lights.groups.insert(group.into(), LightGroup { lights, intensity, muted: false });
+        }
+        let mut look = told.clone();
+        let (traced, _) = PreparedLamps::new(&look.lights.take_lamps(), None).unwrap();
+        traced.install(&mut scene).unwrap();
+
+        let (scene, config) = (Arc::new(scene), BakeConfig { spp: 4, tolerance_db: 30.0, ..BakeConfig::default() });
+        let (camera, passes) = (scene.scene.cameras[0].clone(), Passes::FinalOnly);
+        let job = BakeJob { scene: scene.clone(), camera, film, config, passes, irradiance: Vec::new() };
+        let bake = job.run(|_| ControlFlow::Continue(())).unwrap().unwrap();
+        let basis = &bake.header.basis;
+        assert!(basis.sun_apart(&look.lights).is_some());
+        assert!(["panel", "unlit"].iter().all(|key| basis.source(key).is_some()));
+        let spare = LampLight {
+            key: "spare".into(),
+            direct: Radiance { pixels: vec![[500.0; 3]; film.n_pixels()], ..Radiance::new(film.width, film.height) },
+            arriving: None,
+            of_patches: Vec::new(),
+            prepared: PreparedLamps::default(),
+            scene,
+        };
+        let lamps = [spare];
+        let mut lit = Lit::new(&bake, &look, &lamps, None).unwrap();
+        let brightest = lit.radiance.pixels.as_flattened().iter().copied().fold(0.0, f32::max);
+        for set in [LayerSet::Groups, LayerSet::Lights] {
+            let layers = lit.layers(&bake, &told, &lamps, set).unwrap();
+            for (idx, pixel) in lit.radiance.pixels.iter().enumerate() {
+                let sum: f32 = layers.iter().map(|layer| layer.radiance.pixels[idx][1]).sum();
+                assert!((sum - pixel[1]).abs() <= 1e-2 * brightest, "{set:?}: {sum} is not {}", pixel[1]);
+            }
+        }
     }
 }

@@ -29,8 +29,8 @@ pub struct LooksState {
     pub player: Player,
     /// Snapshot that is being renamed, and what was typed so far.
     pub(super) renaming: Option<(usize, String)>,
-    /// Snapshot that is being dragged to another place.
-    pub(super) dragged: Option<usize>,
+    /// Name of the snapshot that is being dragged to another place.
+    pub(super) dragged: Option<String>,
     /// Snapshots that there were when they were drawn last.
     n_drawn: usize,
     /// Whether there are more of them than then.
@@ -47,6 +47,11 @@ impl LooksState {
         for mention in sides.chain(ends).filter(|mention| *mention == old) {
             new.clone_into(mention);
         }
+    }
+
+    /// A card that is dragged stays where it is.
+    pub fn let_go(&mut self) {
+        self.dragged = None;
     }
 
     /// One look took the place of another: what is compared and faded stays where no more than a name is new.
@@ -224,12 +229,13 @@ fn add_preset(look: &mut Look, preset: Preset, basis: &LightBasis) {
     look.take(look.snapshots.len() - 1);
 }
 
-/// A card that was dragged goes where it was dropped; Esc leaves it where it was.
+/// A card that was dragged goes where it was dropped; Esc leaves it where it was. The drag of one that is gone is over.
 fn drop_ui(ui: &Ui, look: &mut Look, state: &mut LooksState, centers: &[f32]) {
     if ui.input(|input| input.key_pressed(egui::Key::Escape)) {
-        state.dragged = None;
+        state.let_go();
     }
-    let Some(from) = state.dragged else { return };
+    let place_of = |name: &String| look.snapshots.iter().position(|snapshot| snapshot.name == *name);
+    let Some(from) = state.dragged.as_ref().and_then(place_of) else { return state.let_go() };
     let Some(pointer) = ui.input(|input| input.pointer.latest_pos()) else { return };
     let others = centers.iter().enumerate().filter(|(idx, center)| *idx != from && **center < pointer.x);
     let to = others.count();
@@ -244,7 +250,7 @@ fn drop_ui(ui: &Ui, look: &mut Look, state: &mut LooksState, centers: &[f32]) {
     }
     let (came_up, is_down) = ui.input(|input| (input.pointer.any_released(), input.pointer.any_down()));
     if came_up || !is_down {
-        state.dragged = None;
+        state.let_go();
     }
     // One whose button came up while the strip was hidden stays.
     if came_up {

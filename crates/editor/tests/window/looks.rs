@@ -720,6 +720,23 @@ fn esc_puts_back_a_key_of_the_timeline_or_a_look_that_is_dragged() {
 }
 
 #[test]
+fn a_look_that_is_dragged_and_every_other_one_stay_where_a_step_is_undone() {
+    let mut window = two_looks();
+    click(&mut window, "Keep look");
+    context_menu(&mut window, "Look Look", "Delete");
+    assert_eq!(names(&window), ["Look 2", "Look 3"]);
+    let [last, first] = ["Look Look 3", "Look Look 2"].map(|card| area_of(&window, card));
+    pull(&mut window, last.center(), first.left_center());
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    window.run_steps(4);
+    let undone = window.state().look().clone();
+    assert_eq!(undone.snapshots[0].name, "Look");
+    window.drop_at(first.left_center());
+    window.run_steps(3);
+    assert_eq!(*window.state().look(), undone);
+}
+
+#[test]
 fn a_drag_is_over_where_its_button_comes_up_while_the_panels_are_hidden() {
     let mut window = two_keys();
     let key = window.query_all_by_label_contains("Key 2: Look 2 at").next().unwrap().rect().center();

@@ -49,7 +49,7 @@ pub(super) fn card_ui(
         painter.text(name_rect.left_center(), Align2::LEFT_CENTER, words, FontId::proportional(12.5), color);
     }
     if response.drag_started_by(PointerButton::Primary) {
-        state.dragged = Some(idx);
+        state.dragged = Some(name.clone());
     }
     // One that was just kept may lie beyond the edge.
     if state.has_more && mark == Mark::On {
