@@ -233,6 +233,10 @@ fn is_yes(answer: &bool) -> bool {
     *answer
 }
 
+fn is_no(answer: &bool) -> bool {
+    !*answer
+}
+
 fn usual_side() -> u32 {
     SIDE
 }
@@ -346,6 +350,9 @@ pub struct BakeHeader {
     /// Blocks of the picture that a time left as the preview made them, whose indirect light is shared and clamped.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub preview_blocks: u32,
+    /// Whether a time ended the bake before its last pass had come to all blocks: what samples a block lacks, it may have needed.
+    #[serde(default, skip_serializing_if = "is_no")]
+    pub ended_by_time: bool,
     /// Numbers of the groups whose lamps have a rank in common in each block, where the groups themselves do not tell: some were taken over
     /// from an earlier bake, which had more lamps or fewer beside them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -608,6 +615,7 @@ impl BakeJob {
             sky_reach,
             sharing_bias: None,
             preview_blocks: 0,
+            ended_by_time: false,
             together: None,
             column_error: Vec::new(),
             irradiance: self.irradiance_headers(&dark, focus)?,
@@ -1006,7 +1014,12 @@ impl Run<'_> {
             return self.header.clone();
         }
         let preview_blocks = self.deadline.as_ref().map_or(0, |deadline| deadline.n_of_preview);
-        let mut header = BakeHeader { sharing_bias: self.bias, preview_blocks, ..(**self.header).clone() };
+        let mut header = BakeHeader {
+            sharing_bias: self.bias,
+            preview_blocks,
+            ended_by_time: has_struck,
+            ..(**self.header).clone()
+        };
         for (set, bias) in header.irradiance.iter_mut().zip(&self.irradiance_bias) {
             set.sharing_bias = *bias;
         }

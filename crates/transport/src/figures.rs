@@ -37,9 +37,9 @@ pub struct Skipped {
     pub dark_blocks: usize,
     /// Columns that hold no light in a block, summed over the blocks.
     pub dark_columns: usize,
-    /// Blocks that reached the tolerance before all samples were taken.
+    /// Blocks that reached the tolerance before all samples were taken; 0 where a time ended the bake, and left some without them.
     pub converged_blocks: usize,
-    /// Share of the samples that were not taken.
+    /// Share of the samples that were not taken, 0 as well where a time ended the bake.
     pub samples_saved: f32,
     /// Patches of the sky that nothing in the picture was seen to receive light from.
     pub sky_patches: usize,
@@ -271,6 +271,8 @@ impl Bake {
         // Where pilots saw nothing of any patch, all are connected to.
         let learns = header.skips.has(Skip::UnseenPatches) && header.sky_reach.iter().any(|reach| *reach > 0.0);
         let unseen = header.sky_reach.iter().filter(|reach| learns && **reach <= 0.0).count();
+        // What a time left out was not needless.
+        let asked_for: &[f64] = if header.ended_by_time { &[] } else { &taken };
         let samples_per_pixel = share * f64::from(full);
         let n_pixels = f64::from(header.width) * f64::from(header.height);
         // A pixel that sees nothing has no first vertex.
@@ -295,8 +297,8 @@ impl Bake {
             sky_patches: unseen,
             dark_columns: factors().map(|block| block.n_zero_columns()).sum(),
             dark_blocks: factors().filter(|b| b.rank == 0 && b.sparse.is_empty()).count(),
-            converged_blocks: taken.iter().filter(|&&n| n < f64::from(full)).count(),
-            samples_saved: if taken.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },
+            converged_blocks: asked_for.iter().filter(|&&n| n < f64::from(full)).count(),
+            samples_saved: if asked_for.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },
         }
     }
 }
