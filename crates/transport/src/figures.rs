@@ -4,7 +4,7 @@ use clerestory_nystrom::{BlockLowRank, PackedMatrix};
 use serde::Serialize;
 
 use crate::bake::{Bake, BakeConfig};
-use crate::basis::LightSource;
+use crate::basis::{LightSource, SourceKind};
 use crate::column_errors::ColumnErrorDb;
 use crate::error_maps::BlockErrorDb;
 use crate::light::LightRig;
@@ -69,7 +69,8 @@ pub struct Skipped {
     pub idle_image_bytes: u64,
     /// Columns that were taken over from an earlier bake.
     pub reused_columns: usize,
-    /// Connections that these would have taken at first vertices alone, one for each and sample.
+    /// Connections that these would have taken at first vertices alone, one for each and sample, but for those that are in
+    /// `connections_saved`.
     pub reused_connections_saved: f64,
     /// What could have been skipped and was not, as asked.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -273,6 +274,12 @@ impl Bake {
         let unseen = header.sky_reach.iter().filter(|reach| learns && **reach <= 0.0).count();
         // What a time left out was not needless.
         let asked_for: &[f64] = if header.ended_by_time { &[] } else { &taken };
+        // Columns that were taken over come first. Those among them that nobody connects to would have taken no connection.
+        let is_reused = |source: &LightSource| source.columns.end <= spared.reused_columns;
+        let reused_dark: Vec<&LightSource> = closed.iter().chain(&lamps).copied().filter(|s| is_reused(s)).collect();
+        let is_reused_dome = |s: &LightSource| matches!(s.kind, SourceKind::Dome { .. }) && is_reused(s);
+        let reused_unseen = if header.basis.sources.iter().any(is_reused_dome) { unseen } else { 0 };
+        let reused_and_lit = (spared.reused_columns as usize).saturating_sub(columns(&reused_dark) + reused_unseen);
         let samples_per_pixel = share * f64::from(full);
         let n_pixels = f64::from(header.width) * f64::from(header.height);
         // A pixel that sees nothing has no first vertex.
@@ -292,7 +299,7 @@ impl Bake {
             idle_images: spared.idle_images as usize,
             idle_image_bytes: spared.idle_bytes,
             reused_columns: spared.reused_columns as usize,
-            reused_connections_saved: saved(f64::from(spared.reused_columns)),
+            reused_connections_saved: saved(reused_and_lit as f64),
             off: header.skips.off(),
             sky_patches: unseen,
             dark_columns: factors().map(|block| block.n_zero_columns()).sum(),
