@@ -906,6 +906,8 @@ struct Run<'a> {
     denoised: Option<Vec<BlockLowRank>>,
     /// Light that the pixels of the pass before share, where rows of irradiance share it as well.
     nodes: Option<Nodes>,
+    /// Memory of the light that pixels shared in any pass so far, at most, bytes.
+    shared_bytes: u64,
     /// The last pass.
     last: u32,
     /// See [`BakeHeader::sharing_bias`]: of the pass that every block has.
@@ -984,6 +986,7 @@ impl<'a> Run<'a> {
             guides: None,
             denoised: None,
             nodes: None,
+            shared_bytes: 0,
             last,
             bias: header.sharing_bias,
             irradiance_bias: header.irradiance.iter().map(|set| set.sharing_bias).collect(),
@@ -1111,6 +1114,7 @@ impl Run<'_> {
                     on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None })
                 };
                 let Some(nodes) = Nodes::gather(matrix, plan, go_on) else { return Ok(ControlFlow::Break(())) };
+                self.shared_bytes = self.shared_bytes.max(nodes.n_bytes() as u64);
                 Some(SharedMatrix { matrix, nodes })
             }
         };
