@@ -179,6 +179,20 @@ pub fn error_db(groups: &[BlockLowRank], bias: Option<f32>) -> ErrorDb {
     }
 }
 
+impl ErrorDb {
+    /// The same where only a share of all entries was there to be off, above 0 and at most 1.
+    pub(crate) fn of_share(self, share: f32) -> ErrorDb {
+        let of = |db: f32| if db < BEST_DB { db + 10.0 * share.log10() } else { db };
+        ErrorDb {
+            truncation: of(self.truncation),
+            sampling: of(self.sampling),
+            noise: of(self.noise),
+            bias: self.bias.map(of),
+            total: of(self.total),
+        }
+    }
+}
+
 impl BakeConfig {
     /// The method, if its own form is no pair of factors and a bake holds what it makes of each block in full.
     pub fn reconstruction(&self) -> Option<Reconstruction> {
