@@ -233,6 +233,10 @@ fn is_yes(answer: &bool) -> bool {
     *answer
 }
 
+fn is_no(answer: &bool) -> bool {
+    !*answer
+}
+
 fn usual_side() -> u32 {
     SIDE
 }
@@ -346,6 +350,9 @@ pub struct BakeHeader {
     /// Blocks of the picture that a time left as the preview made them, whose indirect light is shared and clamped.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub preview_blocks: u32,
+    /// Whether a time ended the bake before its last pass had come to all blocks: what samples a block lacks, it may have needed.
+    #[serde(default, skip_serializing_if = "is_no")]
+    pub ended_by_time: bool,
     /// Numbers of the groups whose lamps have a rank in common in each block, where the groups themselves do not tell: some were taken over
     /// from an earlier bake, which had more lamps or fewer beside them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -608,6 +615,7 @@ impl BakeJob {
             sky_reach,
             sharing_bias: None,
             preview_blocks: 0,
+            ended_by_time: false,
             together: None,
             column_error: Vec::new(),
             irradiance: self.irradiance_headers(&dark, focus)?,
@@ -898,6 +906,8 @@ struct Run<'a> {
     denoised: Option<Vec<BlockLowRank>>,
     /// Light that the pixels of the pass before share, where rows of irradiance share it as well.
     nodes: Option<Nodes>,
+    /// Memory of the light that pixels shared in any pass so far, at most, bytes.
+    shared_bytes: u64,
     /// The last pass.
     last: u32,
     /// See [`BakeHeader::sharing_bias`]: of the pass that every block has.
@@ -976,6 +986,7 @@ impl<'a> Run<'a> {
             guides: None,
             denoised: None,
             nodes: None,
+            shared_bytes: 0,
             last,
             bias: header.sharing_bias,
             irradiance_bias: header.irradiance.iter().map(|set| set.sharing_bias).collect(),
@@ -1006,7 +1017,12 @@ impl Run<'_> {
             return self.header.clone();
         }
         let preview_blocks = self.deadline.as_ref().map_or(0, |deadline| deadline.n_of_preview);
-        let mut header = BakeHeader { sharing_bias: self.bias, preview_blocks, ..(**self.header).clone() };
+        let mut header = BakeHeader {
+            sharing_bias: self.bias,
+            preview_blocks,
+            ended_by_time: has_struck,
+            ..(**self.header).clone()
+        };
         for (set, bias) in header.irradiance.iter_mut().zip(&self.irradiance_bias) {
             set.sharing_bias = *bias;
         }
@@ -1098,6 +1114,7 @@ impl Run<'_> {
                     on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None })
                 };
                 let Some(nodes) = Nodes::gather(matrix, plan, go_on) else { return Ok(ControlFlow::Break(())) };
+                self.shared_bytes = self.shared_bytes.max(nodes.n_bytes() as u64);
                 Some(SharedMatrix { matrix, nodes })
             }
         };

@@ -78,6 +78,11 @@ impl LightCache {
         Some(LightCache { cells, n_cols, light })
     }
 
+    /// Memory of the light, bytes.
+    pub(crate) fn n_bytes(&self) -> usize {
+        self.light.iter().map(|light| size_of_val(light.as_slice())).sum()
+    }
+
     /// Multiplies each column of the light by a factor of its own.
     pub(crate) fn scale(&mut self, factors: &[f32]) {
         self.light.iter_mut().for_each(|light| scale_columns(light, factors));

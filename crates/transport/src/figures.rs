@@ -4,7 +4,7 @@ use clerestory_nystrom::{BlockLowRank, PackedMatrix};
 use serde::Serialize;
 
 use crate::bake::{Bake, BakeConfig};
-use crate::basis::LightSource;
+use crate::basis::{LightSource, SourceKind};
 use crate::column_errors::ColumnErrorDb;
 use crate::error_maps::BlockErrorDb;
 use crate::light::LightRig;
@@ -37,9 +37,9 @@ pub struct Skipped {
     pub dark_blocks: usize,
     /// Columns that hold no light in a block, summed over the blocks.
     pub dark_columns: usize,
-    /// Blocks that reached the tolerance before all samples were taken.
+    /// Blocks that reached the tolerance before all samples were taken; 0 where a time ended the bake, and left some without them.
     pub converged_blocks: usize,
-    /// Share of the samples that were not taken.
+    /// Share of the samples that were not taken, 0 as well where a time ended the bake.
     pub samples_saved: f32,
     /// Patches of the sky that nothing in the picture was seen to receive light from.
     pub sky_patches: usize,
@@ -69,7 +69,8 @@ pub struct Skipped {
     pub idle_image_bytes: u64,
     /// Columns that were taken over from an earlier bake.
     pub reused_columns: usize,
-    /// Connections that these would have taken at first vertices alone, one for each and sample.
+    /// Connections that these would have taken at first vertices alone, one for each and sample, but for those that are in
+    /// `connections_saved`.
     pub reused_connections_saved: f64,
     /// What could have been skipped and was not, as asked.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -178,6 +179,20 @@ pub fn error_db(groups: &[BlockLowRank], bias: Option<f32>) -> ErrorDb {
     }
 }
 
+impl ErrorDb {
+    /// The same where only a share of all entries was there to be off, above 0 and at most 1.
+    pub(crate) fn of_share(self, share: f32) -> ErrorDb {
+        let of = |db: f32| if db < BEST_DB { db + 10.0 * share.log10() } else { db };
+        ErrorDb {
+            truncation: of(self.truncation),
+            sampling: of(self.sampling),
+            noise: of(self.noise),
+            bias: self.bias.map(of),
+            total: of(self.total),
+        }
+    }
+}
+
 impl BakeConfig {
     /// The method, if its own form is no pair of factors and a bake holds what it makes of each block in full.
     pub fn reconstruction(&self) -> Option<Reconstruction> {
@@ -271,6 +286,14 @@ impl Bake {
         // Where pilots saw nothing of any patch, all are connected to.
         let learns = header.skips.has(Skip::UnseenPatches) && header.sky_reach.iter().any(|reach| *reach > 0.0);
         let unseen = header.sky_reach.iter().filter(|reach| learns && **reach <= 0.0).count();
+        // What a time left out was not needless.
+        let asked_for: &[f64] = if header.ended_by_time { &[] } else { &taken };
+        // Columns that were taken over come first. Those among them that nobody connects to would have taken no connection.
+        let is_reused = |source: &LightSource| source.columns.end <= spared.reused_columns;
+        let reused_dark: Vec<&LightSource> = closed.iter().chain(&lamps).copied().filter(|s| is_reused(s)).collect();
+        let is_reused_dome = |s: &LightSource| matches!(s.kind, SourceKind::Dome { .. }) && is_reused(s);
+        let reused_unseen = if header.basis.sources.iter().any(is_reused_dome) { unseen } else { 0 };
+        let reused_and_lit = (spared.reused_columns as usize).saturating_sub(columns(&reused_dark) + reused_unseen);
         let samples_per_pixel = share * f64::from(full);
         let n_pixels = f64::from(header.width) * f64::from(header.height);
         // A pixel that sees nothing has no first vertex.
@@ -290,13 +313,13 @@ impl Bake {
             idle_images: spared.idle_images as usize,
             idle_image_bytes: spared.idle_bytes,
             reused_columns: spared.reused_columns as usize,
-            reused_connections_saved: saved(f64::from(spared.reused_columns)),
+            reused_connections_saved: saved(reused_and_lit as f64),
             off: header.skips.off(),
             sky_patches: unseen,
             dark_columns: factors().map(|block| block.n_zero_columns()).sum(),
             dark_blocks: factors().filter(|b| b.rank == 0 && b.sparse.is_empty()).count(),
-            converged_blocks: taken.iter().filter(|&&n| n < f64::from(full)).count(),
-            samples_saved: if taken.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },
+            converged_blocks: asked_for.iter().filter(|&&n| n < f64::from(full)).count(),
+            samples_saved: if asked_for.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },
         }
     }
 }

@@ -67,8 +67,8 @@ pub struct IrradianceFigures {
     pub bytes: usize,
     /// Bytes of the dense matrix in 32-bit floats.
     pub dense_bytes: usize,
-    /// Measured errors below the columns' peaks. The total is that of the light of the file, where that is worse: what is read of points
-    /// is their light, and its error may be that of one column among hundreds.
+    /// Measured errors below the columns' peaks, of the points that are measured. The total is that of the light of the file, where that is
+    /// worse: what is read of points is their light, and its error may be that of one column among hundreds.
     pub error_db: ErrorDb,
 }
 
@@ -78,6 +78,17 @@ impl IrradianceRows {
         match self {
             IrradianceRows::Pixels => pixels,
             IrradianceRows::Grid(SensorGrid { size: [width, height], .. }) => Film { width: *width, height: *height },
+        }
+    }
+
+    /// Share of its rows that are measured: points of a work plane that stand on no floor hold nothing, and are off by nothing.
+    fn measured_share(&self) -> f32 {
+        match self {
+            IrradianceRows::Pixels => 1.0,
+            IrradianceRows::Grid(grid) => {
+                let n_measured = grid.n_points().saturating_sub(grid.left_out.len());
+                n_measured.max(1) as f32 / grid.n_points().max(1) as f32
+            }
         }
     }
 
@@ -180,6 +191,7 @@ impl Bake {
             if let Some(of_light) = self.header.light_error_db(set, of_lights) {
                 error_db.total = error_db.total.min(of_light);
             }
+            let error_db = error_db.of_share(header.rows.measured_share());
             IrradianceFigures {
                 name: header.rows.name().into(),
                 width: film.width,

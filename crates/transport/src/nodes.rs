@@ -63,10 +63,15 @@ fn grid(film: Film, node_len: usize) -> (u32, UVec2) {
 }
 
 impl Nodes {
-    /// Memory of the nodes of a picture, bytes.
+    /// Memory of the nodes of a picture, bytes; how many cells lie behind them is not known before.
     pub(crate) fn bytes_for(film: Film, n_columns: usize) -> usize {
         let node_len = 2 * CHANNELS * n_columns;
         grid(film, node_len).1.element_product() as usize * node_len * size_of::<f32>()
+    }
+
+    /// Memory of the nodes and of the cells behind them, bytes.
+    pub(crate) fn n_bytes(&self) -> usize {
+        size_of_val(self.light.as_slice()) + self.cache.n_bytes()
     }
 
     /// Follows the walks of all nodes; `None` if `on_part` says stop.

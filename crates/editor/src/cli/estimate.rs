@@ -87,9 +87,18 @@ pub(super) fn fit(limit_bytes: u64, job: &mut BakeJob, args: &BakeArgs, console:
     if job.config.indirect == Indirect::Traced && with_preview > limit_bytes {
         job.passes = without_preview(job.passes).ok_or_else(|| no_room_for_preview(with_preview, limit_bytes))?;
     }
-    let forecast = forecast(job, args, console)?;
-    let Some(n_threads) = forecast.threads_within(limit_bytes) else {
-        return Err(refusal(held + forecast.estimate.least_memory_bytes, held, limit_bytes));
+    let mut told = forecast(job, args, console)?;
+    // All that a preview takes is known only now.
+    if told.threads_within(limit_bytes).is_none()
+        && job.config.indirect == Indirect::Traced
+        && job.passes != Passes::FinalOnly
+        && let Some(passes) = without_preview(job.passes)
+    {
+        job.passes = passes;
+        told = forecast(job, args, console)?;
+    }
+    let Some(n_threads) = told.threads_within(limit_bytes) else {
+        return Err(refusal(held + told.estimate.least_memory_bytes, held, limit_bytes));
     };
     let n_asked = asked_threads(args);
     if n_threads < n_asked {

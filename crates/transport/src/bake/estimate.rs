@@ -174,7 +174,8 @@ impl BakeJob {
         let Some((packing_secs, sizes)) = sizes(header, &run.matrices, &partitions, focus) else { return Ok(None) };
         let sizes = Sizes { sampled, guides: run.guides.as_ref().map_or(0, |guides| guides.n_bytes() as u64), ..sizes };
         let thread_bytes = thread_bytes(header.basis.n_cols(), self.config.block);
-        let memory = |n_threads: u64| sizes.memory(n_threads * thread_bytes + self.shared_bytes());
+        let shared_bytes = self.shared_bytes().max(run.shared_bytes);
+        let memory = |n_threads: u64| sizes.memory(n_threads * thread_bytes + shared_bytes);
         Ok(Some(BakeEstimate {
             secs: secs + packing_secs,
             preview_secs,
@@ -199,7 +200,8 @@ impl BakeJob {
         thread_bytes(self.scene.lighting.basis.n_cols(), self.config.block)
     }
 
-    /// Memory of the light that pixels share, bytes, of the preview or of the bake; nothing where neither does.
+    /// Memory of the light that pixels share, bytes, of the preview or of the bake; nothing where neither does. It is the least: the
+    /// cells behind it, which walks find, come to that.
     pub fn shared_bytes(&self) -> u64 {
         if self.passes == Passes::FinalOnly && self.config.indirect == Indirect::Traced {
             return 0;

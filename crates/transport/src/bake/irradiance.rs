@@ -288,6 +288,7 @@ impl Run<'_> {
                 let go_on = || on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None });
                 let nodes = self.nodes.take().or_else(|| Nodes::gather(self.matrix, plan, go_on));
                 let Some(nodes) = nodes else { return Ok(ControlFlow::Break(())) };
+                self.shared_bytes = self.shared_bytes.max(nodes.n_bytes() as u64);
                 // The preview of the picture sends no walks to mirrors and glass: its nodes have that light already.
                 if nodes.holds_caustics {
                     matrix = matrix.unguided();

@@ -430,6 +430,7 @@ impl Reuse {
         header.spared = self.joined_spared(&sources, new);
         header.sharing_bias = self.joined_bias(earlier.sharing_bias, new.and_then(|new| new.sharing_bias));
         header.preview_blocks = new.map_or(0, |new| new.preview_blocks);
+        header.ended_by_time = new.is_some_and(|new| new.ended_by_time);
         if new.is_some_and(|new| new.grounds.is_none()) {
             header.grounds = None;
         }

@@ -194,6 +194,7 @@ impl StackJob {
             sky_reach: Vec::new(),
             sharing_bias: None,
             preview_blocks: 0,
+            ended_by_time: false,
             together: None,
             column_error: Vec::new(),
             irradiance: Vec::new(),

@@ -88,6 +88,16 @@ fn a_bake_whose_time_is_up_keeps_what_it_has() {
 }
 
 #[test]
+fn samples_that_a_time_left_out_were_not_needless() {
+    let skipped = |passes| baked(passes).figures().skipped;
+    let late = skipped(Passes::Until(Instant::now()));
+    assert_eq!((late.converged_blocks, late.samples_saved), (0, 0.0));
+    // With time enough they are told as of any bake.
+    let in_time = skipped(Passes::Until(Instant::now() + Duration::from_secs(3600)));
+    assert_eq!(in_time, skipped(Passes::FinalOnly));
+}
+
+#[test]
 fn a_bake_without_bias_traces_every_block_once_even_if_its_time_is_up() {
     let job = job(Passes::Until(Instant::now()));
     let config = BakeConfig { spp: 16, denoise: false, smooth: false, ..job.config.clone() };

@@ -12,6 +12,7 @@ use super::walks::{Mean, assert_same_mean, file_light};
 use crate::archive::{self, Restart};
 use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, Indirect, Passes};
 use crate::camera::{Camera, Film};
+use crate::figures::error_db;
 use crate::irradiance::IrradianceRows;
 use crate::lamps::tests::lamp;
 use crate::lamps::{Body, FreeLamp, LampShape, PreparedLamps};
@@ -189,6 +190,20 @@ fn points_inside_blocks_are_left_out_of_a_work_plane() {
     assert_eq!((grid.size, &grid.left_out[..]), ([4, 4], &[5, 6, 9, 10][..]));
     let lux = sampled(&scene, Some(&rows[0]), 8);
     assert!((0..16).all(|n| (lux[n] == 0.0) == [5, 6, 9, 10].contains(&n)), "{lux:?}");
+}
+
+#[test]
+fn points_that_are_left_out_make_the_others_no_more_exact() {
+    let scene = lit_room();
+    let left_out = (0..64).collect();
+    let grid = SensorGrid { left_out, ..on_table(&scene, "shelf", [16, 8]) };
+    let bake = job(&scene, vec![IrradianceRows::Grid(grid)], Indirect::Traced).run(|_| ControlFlow::Continue(()));
+    let bake = bake.unwrap().unwrap();
+    let (told, of_all) = (bake.irradiance_figures()[0].error_db, error_db(&bake.irradiance[0], None));
+    // Half of the points have all of the error.
+    let half = 10.0 * 2f32.log10();
+    assert!((of_all.noise - half - told.noise).abs() < 1e-3, "{told:?} of {of_all:?}");
+    assert!(told.total < of_all.total - 0.99 * half, "{told:?} of {of_all:?}");
 }
 
 /// A closed box whose fronts look outward, around the origin of a node that is moved.

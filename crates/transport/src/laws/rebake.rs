@@ -173,6 +173,27 @@ fn a_new_lamp_is_traced_alone_and_the_other_columns_stay_to_the_last_bit() {
 }
 
 #[test]
+fn a_connection_that_a_dark_lamp_saves_is_not_saved_once_more_by_its_earlier_bake() {
+    let job_of = |change: fn(&mut Scene)| {
+        let job = job(scene(change));
+        BakeJob { irradiance: Vec::new(), config: BakeConfig { spp: 4, ..job.config.clone() }, ..job }
+    };
+    let turn_off: fn(&mut Scene) = |scene| scene.punctual[0].intensity = 0.0;
+    let earlier = baked(job_of(turn_off));
+    let (again, n_traced) = rebaked(
+        job_of(|scene| {
+            scene.punctual[0].intensity = 0.0;
+            add_lamp(scene);
+        }),
+        &earlier,
+    );
+    let skipped = again.figures().skipped;
+    assert_eq!((n_traced, skipped.reused_columns, skipped.dark_lamp_columns), (1, 19, 1));
+    let reused_and_lit = skipped.reused_connections_saved / skipped.connections_saved;
+    assert!((reused_and_lit - 18.0).abs() < 0.01, "{skipped:?}");
+}
+
+#[test]
 fn samples_are_told_over_all_columns_whoever_traced_them() {
     let all = baked(job(scene(|_| {})));
     let mut joined = all.clone();

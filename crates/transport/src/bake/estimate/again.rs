@@ -63,7 +63,8 @@ impl BakeJob {
             tried[1] += groups.first().map_or(0, n_there);
         }
         let thread_bytes = thread_bytes(header.basis.n_cols(), header.tile);
-        let memory = |n_threads: u64| sizes.memory(n_threads * thread_bytes + self.shared_bytes());
+        let shared_bytes = self.shared_bytes().max(run.shared_bytes);
+        let memory = |n_threads: u64| sizes.memory(n_threads * thread_bytes + shared_bytes);
         Ok(Some(BakeEstimate {
             secs,
             preview_secs: 0.0,

@@ -1,6 +1,10 @@
+use glam::Vec3;
+
 use super::*;
 use crate::bake::floor::job;
-use crate::camera::Film;
+use crate::bake::{BakeConfig, Density};
+use crate::camera::{Camera, Film};
+use crate::laws::stage::{Stage, lambert, quad, room};
 
 const LONG: Duration = Duration::from_secs(600);
 
@@ -31,6 +35,27 @@ fn a_part_of_the_blocks_stands_for_all_of_them() {
     assert!(header > -0.25 * bytes, "{} bytes for {bytes} of factors", estimate.file_bytes);
     let factors = estimate.result_bytes as f64;
     assert!(factors > 0.0 && estimate.memory_bytes as f64 >= factors);
+}
+
+#[test]
+fn cells_behind_shared_light_count_in_the_memory() {
+    let camera = Camera::look_at("eye", Vec3::new(0.5, 0.2, 0.8), Vec3::new(-1.0, -0.5, -1.0), 1.1, 4.0 / 3.0);
+    let panel = quad(Vec3::new(-0.5, 0.9, -0.5), Vec3::X, Vec3::Z);
+    let stage = Stage::new(camera.clone()).surface("walls", &room(Vec3::ONE), lambert(0.6, 0.0));
+    let scene = Arc::new(stage.panel("panel", &panel, 1.0, 16).prepared());
+    let (film, passes) = (Film { width: 32, height: 24 }, Passes::FinalOnly);
+    let config = BakeConfig { spp: 4, tolerance_db: 20.0, indirect: Indirect::Shared, ..BakeConfig::default() };
+    let job = BakeJob { scene, camera, film, config, passes, irradiance: Vec::new() };
+    let focus = Focus::default();
+    let header = job.header().unwrap();
+    let plan = job.plan(Density::Full, &header);
+    let (matrix, _) = job.scaled_matrix(&plan, &header, &focus);
+    let how = job.config.indirect.nodes(Some(2), job.config.tolerance_db).expect("its pixels share light");
+    let shared = Nodes::gather(&matrix, how, || ControlFlow::Continue(())).unwrap().n_bytes() as u64;
+    assert!(shared > job.shared_bytes() + 1_000_000, "{shared} bytes in all, {} in nodes", job.shared_bytes());
+    let estimate = job.estimate(LONG, &focus).unwrap().unwrap();
+    let told = estimate.least_memory_bytes;
+    assert!(told >= job.thread_bytes() + shared, "{told} bytes, {shared} of them shared");
 }
 
 #[test]
