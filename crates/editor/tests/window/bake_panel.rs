@@ -383,7 +383,7 @@ fn what_the_pointer_rests_on_is_baked_first() {
     let home = tempfile::tempdir().unwrap();
     // Ten blocks by six. From the middle outwards the last one comes last.
     let film = Film { width: 160, height: 96 };
-    let config = BakeConfig { spp: 64, tolerance_db: 60.0, ..BakeConfig::default() };
+    let config = BakeConfig { spp: 32, tolerance_db: 60.0, ..BakeConfig::default() };
     let settings = BakeSettings { camera_idx: 0, film, config, illuminance: false, work_plane: None };
     let cache = Some(BakeCache::new(home.path().into(), 1 << 24));
     let start = Start { cache, ..Start::alone(source(), Some(settings)) };

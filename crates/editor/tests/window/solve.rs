@@ -571,7 +571,7 @@ fn a_surface_is_marked_by_a_click_and_the_pointer_then_marks_instead_of_panning(
 #[test]
 fn isolux_lines_lie_over_the_lux_while_they_are_wanted_and_follow_the_lights() {
     // In fewer pixels the light jumps from one to the next.
-    let mut window = measured_in(Film { width: 160, height: 120 }, BakeConfig { spp: 32, ..quick() });
+    let mut window = measured_in(Film { width: 128, height: 96 }, BakeConfig { spp: 12, ..quick() });
     let choose = |window: &mut Window, list: &str, choice: &str| {
         click(window, list);
         let in_the_list = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() == eframe::egui::Role::Button;
