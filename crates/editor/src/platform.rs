@@ -1,5 +1,7 @@
 //! What is asked of systems in their own ways, all of it here. Elsewhere the code is the same on Linux, macOS and Windows.
 
+use raw_window_handle::HasWindowHandle;
+
 /// Memory of this process that is in use now, bytes; `None` where the system is not asked.
 pub fn resident_bytes() -> Option<u64> {
     status_bytes("self", "VmRSS:")
@@ -13,6 +15,35 @@ pub fn peak_bytes() -> Option<u64> {
 /// The same of another process that runs.
 pub fn peak_bytes_of(process: u32) -> Option<u64> {
     status_bytes(&process.to_string(), "VmHWM:")
+}
+
+/// Gives a window the keyboard where nobody else does: under X11 that is the matter of a window manager, and kiosks and virtual screens have
+/// none. `None` where it is not ours to do; else whether it was given, which it is not before the window is on the screen.
+pub fn give_keyboard(window: &impl HasWindowHandle) -> Option<bool> {
+    let handle = window.window_handle().ok()?.as_raw();
+    #[cfg(target_os = "linux")]
+    if let raw_window_handle::RawWindowHandle::Xlib(handle) = handle {
+        return give_keyboard_of_x11(u32::try_from(handle.window).ok()?);
+    }
+    let _ = handle;
+    None
+}
+
+/// The same of a window of the X server.
+#[cfg(target_os = "linux")]
+fn give_keyboard_of_x11(window: u32) -> Option<bool> {
+    use x11rb::connection::Connection;
+    use x11rb::protocol::xproto::{ConnectionExt, EventMask, InputFocus};
+
+    let (display, screen) = x11rb::connect(None).ok()?;
+    let root = display.setup().roots.get(screen)?.root;
+    let watched = display.get_window_attributes(root).ok()?.reply().ok()?.all_event_masks;
+    // That is what window managers ask for, and only one at a time may.
+    if watched.contains(EventMask::SUBSTRUCTURE_REDIRECT) {
+        return None;
+    }
+    let asked = display.set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME).ok()?;
+    Some(asked.check().is_ok())
 }
 
 /// Memory that programs can still take without others being put out to disk, bytes; `None` where the system is not asked.

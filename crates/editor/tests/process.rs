@@ -1022,3 +1022,64 @@ fn a_schedule_counts_what_shines_and_measures_the_floor() {
     assert!(told["watt"] == 10.0 && told["n_unknown_watt"] == 0, "{told}");
     assert!(told["lumen"].as_f64().unwrap() > 100.0, "{told}");
 }
+
+/// A screen without a window manager, which ends with it.
+#[cfg(target_os = "linux")]
+struct Screen {
+    server: Child,
+    name: String,
+}
+
+#[cfg(target_os = "linux")]
+impl Screen {
+    /// `None`, with a word, where there is no server for it; with `CLERESTORY_REQUIRE_GPU`, as checks set it, that is a failure.
+    #[expect(clippy::print_stderr, reason = "a test that skips itself says so")]
+    fn open() -> Option<Screen> {
+        use std::io::BufRead;
+
+        let arguments = ["-displayfd", "1", "-screen", "0", "1024x768x24", "-nolisten", "tcp"];
+        let server = Command::new("Xvfb").args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let Ok(mut server) = server else {
+            assert!(std::env::var_os("CLERESTORY_REQUIRE_GPU").is_none(), "there is no Xvfb");
+            eprintln!("skipped: there is no Xvfb");
+            return None;
+        };
+        let mut number = String::new();
+        std::io::BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        Some(Screen { server, name: format!(":{}", number.trim()) })
+    }
+}
+
+#[cfg(target_os = "linux")]
+impl Drop for Screen {
+    fn drop(&mut self) {
+        // Whether it had ended by itself is no matter.
+        self.server.kill().ok();
+        self.server.wait().ok();
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_window_has_the_keyboard_where_no_window_manager_gives_it() {
+    use x11rb::protocol::xproto::ConnectionExt;
+
+    let (folder, Some(screen)) = (desk(), Screen::open()) else { return };
+    let mut editor = clerestory(folder.path());
+    editor.arg("room.gltf").env("DISPLAY", &screen.name).env("HOME", folder.path());
+    for variable in ["XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME", "XDG_RUNTIME_DIR"] {
+        editor.env(variable, folder.path());
+    }
+    let mut editor = editor.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let display = x11rb::connect(Some(&screen.name)).unwrap().0;
+    // Before, the screen itself or nobody has it.
+    let has_keyboard = || display.get_input_focus().unwrap().reply().unwrap().focus > 1;
+    let deadline = Instant::now() + Duration::from_secs(120);
+    while !has_keyboard() && editor.try_wait().unwrap().is_none() && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let (has_it, ended) = (has_keyboard(), editor.try_wait().unwrap());
+    editor.kill().ok();
+    let said = editor.wait_with_output().unwrap().stderr;
+    assert!(has_it, "{ended:?} {}", String::from_utf8_lossy(&said));
+}

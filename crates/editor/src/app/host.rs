@@ -20,6 +20,8 @@ const LOSS_VARIABLE: &str = "CLERESTORY_LOSE_DEVICE";
 /// So many losses within [`TOO_SOON`] are a driver that does not work.
 const MAX_LOSSES: usize = 5;
 const TOO_SOON: Duration = Duration::from_secs(60);
+/// Until a window that was not on the screen yet is looked at again.
+const SOON: Duration = Duration::from_millis(100);
 
 /// The window was there, and cannot go on.
 #[derive(Debug)]
@@ -93,6 +95,8 @@ struct Host {
     /// When the device is lost on purpose.
     lose_at: Option<Instant>,
     ctx: Context,
+    /// Whether the window is still to get the keyboard.
+    wants_keyboard: bool,
     is_leaving: bool,
     left: Left,
 }
@@ -101,7 +105,28 @@ impl Host {
     fn new(app: App, cc: &CreationContext<'_>, every: Option<Duration>, left: Left) -> Host {
         let device = cc.wgpu_render_state.as_ref().map(|state| state.device.clone());
         let lose_at = every.map(|every| Instant::now() + every);
-        Host { app: Some(app), device, lose_at, ctx: cc.egui_ctx.clone(), is_leaving: false, left }
+        Host {
+            app: Some(app),
+            device,
+            lose_at,
+            ctx: cc.egui_ctx.clone(),
+            wants_keyboard: true,
+            is_leaving: false,
+            left,
+        }
+    }
+
+    /// Takes the keyboard, at first and with each press, where no window manager gives it.
+    fn take_keyboard(&mut self, ctx: &Context, frame: &eframe::Frame) {
+        let (has_it, is_pressed) = ctx.input(|input| (input.focused, input.pointer.any_pressed()));
+        self.wants_keyboard = !has_it && (self.wants_keyboard || is_pressed);
+        if !self.wants_keyboard {
+            return;
+        }
+        match platform::give_keyboard(frame) {
+            Some(false) => ctx.request_repaint_after(SOON),
+            Some(true) | None => self.wants_keyboard = false,
+        }
     }
 
     fn lose_as_asked(&mut self, ctx: &Context) {
@@ -119,6 +144,7 @@ impl Host {
 impl eframe::App for Host {
     fn logic(&mut self, ctx: &Context, frame: &mut eframe::Frame) {
         self.lose_as_asked(ctx);
+        self.take_keyboard(ctx, frame);
         let Some(app) = &mut self.app else { return };
         if !self.is_leaving && app.follower.is_device_lost() {
             self.is_leaving = true;
