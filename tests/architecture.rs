@@ -37,7 +37,7 @@ fn every_crate_uses_only_what_its_arrows_allow() {
         (
             "editor",
             "anyhow clap clerestory-nystrom clerestory-relight clerestory-transport dirs eframe egui_plot egui_tiles exr flate2 glam \
-             image indicatif libc rayon rfd serde serde_json signal-hook thread-priority",
+             image indicatif libc raw-window-handle rayon rfd serde serde_json signal-hook thread-priority x11rb",
         ),
     ];
     for (crate_name, allowed) in arrows {
