@@ -34,9 +34,10 @@ fn is_lit(basis: &LightBasis, rig: &LightRig) -> bool {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::basis::{LightSource, SourceKind};
-    use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+    use clerestory_transport::lamps::FreeLamp;
 
     use super::*;
+    use crate::support::lamp;
 
     #[test]
     fn photographs_that_are_black_are_not_told_of_lamps_inside_of_something() {
@@ -55,18 +56,7 @@ mod tests {
         let muted = LightSetting { muted: true, ..LightSetting::default() };
         rig.set("sky", muted);
         assert!(!is_lit(&basis, &rig));
-        let lamp = FreeLamp {
-            key: "lamp".into(),
-            shape: LampShape::Point,
-            position: Vec3::ZERO,
-            aim: Vec3::NEG_Y,
-            strength: 100.0,
-            unit: LampUnit::Lumen,
-            setting: muted,
-            turn_rad: 0.0,
-            replaces: None,
-        };
-        rig.lamps.push(lamp);
+        rig.lamps.push(FreeLamp { setting: muted, ..lamp("lamp") });
         assert!(!is_lit(&basis, &rig));
         rig.lamps[0].setting.muted = false;
         assert!(is_lit(&basis, &rig));

@@ -1,14 +1,17 @@
-//! What unit tests share: the room of the process tests, read, prepared, to be baked, and in a window; a drag of the pointer.
+//! What unit tests share: the room of the process tests, read, prepared, to be baked, and in a window; a lamp; a drag of the pointer.
 
 use std::sync::Arc;
 
 use clerestory_transport::bake::{BakeConfig, BakeJob, Passes};
 use clerestory_transport::camera::Film;
 use clerestory_transport::import;
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+use clerestory_transport::light::LightSetting;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::Scene;
 use eframe::egui::Pos2;
 use egui_kittest::Harness;
+use glam::Vec3;
 
 use crate::app::{App, Start};
 use crate::session::{BakeSettings, Source};
@@ -18,6 +21,28 @@ pub(crate) const ROOM: &str = include_str!("../tests/room.gltf");
 
 pub(crate) fn room() -> Scene {
     import::load_bytes("room.gltf", ROOM.as_bytes()).unwrap().scene
+}
+
+/// The room that many times as large, its camera and lamp where they were.
+pub(crate) fn scaled_room(scale: f32) -> Scene {
+    let mut scene = room();
+    scene.mesh.positions.iter_mut().for_each(|position| *position *= scale);
+    scene
+}
+
+/// A point of 1 cd at the origin.
+pub(crate) fn lamp(key: &str) -> FreeLamp {
+    FreeLamp {
+        key: key.into(),
+        shape: LampShape::Point,
+        position: Vec3::ZERO,
+        aim: Vec3::NEG_Y,
+        strength: 1.0,
+        unit: LampUnit::Candela,
+        setting: LightSetting::default(),
+        turn_rad: 0.0,
+        replaces: None,
+    }
 }
 
 pub(crate) fn prepared_room() -> PreparedScene {

@@ -302,16 +302,14 @@ pub(super) fn open(header: &BakeHeader, path: &Path, console: &mut Console) -> R
 mod tests {
     use std::time::Instant;
 
-    use clerestory_transport::import;
-
     use super::*;
     use crate::cli::interrupt::Interrupt;
     use crate::look::fade::fade;
+    use crate::support::prepared_room;
 
     #[test]
     fn a_setting_of_no_light_of_the_scene_sets_no_lamp_that_is_called_so() {
-        let scene = import::load_bytes("room", include_bytes!("../../tests/room.gltf")).unwrap().scene;
-        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let scene = Arc::new(prepared_room());
         let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 4, height: 3 });
         let mut view = View { scene, camera, film };
         let json = r#"{"clerestory": 1, "lights": {"bulb": {"muted": true}, "lamp": {"intensity": 2}},

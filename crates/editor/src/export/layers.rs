@@ -187,11 +187,10 @@ impl LayerSet {
 
 #[cfg(test)]
 mod tests {
-    use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
-    use clerestory_transport::light::{LightGroup, LightSetting};
-    use glam::Vec3;
+    use clerestory_transport::light::LightGroup;
 
     use super::*;
+    use crate::support::lamp;
 
     fn basis() -> LightBasis {
         let source = |key: &str, kind, n_columns| {
@@ -287,17 +286,6 @@ mod tests {
 
     #[test]
     fn free_lamps_that_were_made_lights_of_the_scene_are_a_kind_of_their_own() {
-        let lamp = |key: &str| FreeLamp {
-            key: key.into(),
-            shape: LampShape::Point,
-            position: Vec3::ZERO,
-            aim: Vec3::NEG_Y,
-            strength: 1.0,
-            unit: LampUnit::Candela,
-            setting: LightSetting::default(),
-            turn_rad: 0.0,
-            replaces: None,
-        };
         let source = |key: &str, kind| LightSource::plain(key, kind, 0..1);
         let basis = LightBasis::new(vec![
             source("desk", SourceKind::Point),

@@ -438,27 +438,17 @@ pub fn add_button(ui: &mut Ui, choice: &LampChoice, actions: &mut Vec<Action>) {
 
 #[cfg(test)]
 mod tests {
-    use clerestory_transport::light::LightSetting;
     use eframe::egui::Role;
     use egui_kittest::Harness;
     use egui_kittest::kittest::{NodeT, Queryable};
 
     use super::*;
+    use crate::support::lamp;
 
     #[test]
     fn the_strength_of_a_faint_lamp_is_told_by_the_digits_that_count() {
         for (strength, words) in [(0.0, "0"), (0.0025, "0.0025"), (0.5, "0.5"), (1234.5, "1234.5")] {
-            let mut lamp = FreeLamp {
-                key: "lamp".into(),
-                shape: LampShape::Point,
-                position: Vec3::ZERO,
-                aim: Vec3::NEG_Y,
-                turn_rad: 0.0,
-                strength,
-                unit: LampUnit::Lumen,
-                setting: LightSetting::default(),
-                replaces: None,
-            };
+            let mut lamp = FreeLamp { strength, unit: LampUnit::Lumen, ..lamp("lamp") };
             let mut window =
                 Harness::new_ui(|ui| _ = Grid::new("lamp").show(ui, |ui| strength_ui(ui, "lamp", &mut lamp)));
             window.run_steps(2);
@@ -470,17 +460,8 @@ mod tests {
 
     #[test]
     fn in_a_model_of_centimeters_the_size_of_a_lamp_is_told_by_the_digits_that_count() {
-        let mut lamp = FreeLamp {
-            key: "lamp".into(),
-            shape: LampShape::Sphere { radius_m: 0.00125 },
-            position: Vec3::ZERO,
-            aim: Vec3::NEG_Y,
-            turn_rad: 0.0,
-            strength: 1.0,
-            unit: LampUnit::Lumen,
-            setting: LightSetting::default(),
-            replaces: None,
-        };
+        let shape = LampShape::Sphere { radius_m: 0.00125 };
+        let mut lamp = FreeLamp { shape, unit: LampUnit::Lumen, ..lamp("lamp") };
         let mut window = Harness::new_ui(|ui| {
             Grid::new("lamp").show(ui, |ui| shape_ui(ui, "lamp", &mut lamp, 0.05));
         });

@@ -240,15 +240,13 @@ mod tests {
     use eframe::egui::pos2;
 
     use super::*;
-    use crate::support::room;
+    use crate::support::scaled_room;
 
     #[test]
     fn what_hides_a_lamp_hides_it_in_a_model_of_centimeters_as_well() {
         // A closed box from −1 to 1, and one of a hundredth of that.
         for scale in [1.0, 0.01] {
-            let mut scene = room();
-            scene.mesh.positions.iter_mut().for_each(|place| *place *= scale);
-            let scene = PreparedScene::new(scene, &[]).unwrap().0;
+            let scene = PreparedScene::new(scaled_room(scale), &[]).unwrap().0;
             let camera = Camera::look_at("c", Vec3::Z * (0.9 * scale), Vec3::NEG_Z, 1.0, 1.0);
             let image = Rect::from_min_size(pos2(0.0, 0.0), vec2(64.0, 64.0));
             let sight = Sight { scene: &scene, camera: &camera, film: Film { width: 64, height: 64 }, image };

@@ -118,7 +118,7 @@ mod tests {
 
     use super::*;
     use crate::look::lamps::FARTHEST_M;
-    use crate::support::prepared_room;
+    use crate::support::{prepared_room, scaled_room};
 
     fn spot() -> FreeLamp {
         let (shape, setting) = (LampShape::Spot { inner_rad: 0.35, outer_rad: 0.6 }, LightSetting::default());
@@ -170,9 +170,7 @@ mod tests {
 
     #[test]
     fn in_a_model_of_a_room_lamps_are_placed_as_in_the_room() {
-        let mut model = prepared_room().scene;
-        model.mesh.positions.iter_mut().for_each(|position| *position *= 0.01);
-        let model = PreparedScene::new(model, &[]).unwrap().0;
+        let model = PreparedScene::new(scaled_room(0.01), &[]).unwrap().0;
         let globe = FreeLamp { shape: LampShape::Sphere { radius_m: 0.1 }, ..spot() };
         let shine = |scene: &PreparedScene, lamp: &FreeLamp, scale: f32, direction: Vec3| {
             let surface = surface_along(scene, Vec3::new(0.2, 0.0, 0.1) * scale, direction).unwrap();

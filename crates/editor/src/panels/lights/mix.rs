@@ -163,9 +163,9 @@ fn shines_from_dome(kind: SourceKind) -> bool {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::basis::LightSource;
-    use clerestory_transport::lamps::{LampShape, LampUnit};
 
     use super::*;
+    use crate::support::lamp;
 
     const FROM_FILE: Tint = Tint { color: None, kelvin: None };
     const KELVIN: Tint = Tint { color: None, kelvin: Some(3000.0) };
@@ -189,19 +189,10 @@ mod tests {
         let warm: [f32; 3] = [1.0, 0.7, 0.4];
         let source = LightSource { color: warm.into(), ..LightSource::plain("desk", SourceKind::Point, 0..1) };
         let basis = LightBasis::new(vec![source]);
-        let lamp = |key: &str, replaces: Option<&str>| FreeLamp {
-            key: key.into(),
-            shape: LampShape::Point,
-            position: Vec3::ZERO,
-            aim: Vec3::NEG_Y,
-            strength: 1.0,
-            unit: LampUnit::Candela,
-            setting: LightSetting { intensity: 3.0, color: Some([0.0, 1.0, 0.0]), kelvin: None, muted: true },
-            turn_rad: 0.0,
-            replaces: replaces.map(str::to_owned),
-        };
+        let setting = LightSetting { intensity: 3.0, color: Some([0.0, 1.0, 0.0]), kelvin: None, muted: true };
         let mut look = Look::default();
-        look.lights.lamps = vec![lamp("moved", Some("desk")), lamp("new", None)];
+        look.lights.lamps = ["moved", "new"].map(|key| FreeLamp { setting, ..lamp(key) }).into();
+        look.lights.lamps[0].replaces = Some("desk".into());
         let (file, mut state, mut actions) = (basis.file_rig(), LightsState::default(), Vec::new());
         let mut mix = Mix {
             lights: &[],

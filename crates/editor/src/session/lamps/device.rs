@@ -96,7 +96,7 @@ mod tests {
     use glam::{Affine2, Quat, Vec2, Vec3, Vec4};
 
     use super::*;
-    use crate::support::{ROOM, room};
+    use crate::support::{ROOM, room, scaled_room};
 
     const FILM: Film = Film { width: 72, height: 50 };
 
@@ -344,8 +344,7 @@ mod tests {
     fn a_model_of_centimeters_is_lit_by_every_device_as_by_the_cpu() {
         let gpus = Gpu::all_headless(DeviceChoice::Any);
         assert!(!gpus.is_empty() || !is_required(), "no adapter");
-        let mut scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
-        scene.mesh.positions.iter_mut().for_each(|position| *position *= 0.01);
+        let mut scene = scaled_room(0.01);
         let camera = &mut scene.cameras[0];
         camera.world_from_camera.w_axis = (0.01 * camera.position()).extend(1.0);
         let view = view_of(scene);

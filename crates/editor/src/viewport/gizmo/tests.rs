@@ -5,7 +5,7 @@ use eframe::egui::{self, pos2};
 
 use super::*;
 use crate::look::Look;
-use crate::support::prepared_room;
+use crate::support::{prepared_room, scaled_room};
 
 fn sight(scene: &PreparedScene) -> Sight<'_> {
     let image = Rect::from_min_size(pos2(100.0, 50.0), vec2(800.0, 600.0));
@@ -243,9 +243,7 @@ fn a_lamp_is_put_before_a_surface_and_shines_away_from_it() {
 
 #[test]
 fn in_a_model_of_centimeters_aims_lie_within_it() {
-    let mut model = prepared_room().scene;
-    model.mesh.positions.iter_mut().for_each(|position| *position *= 0.01);
-    let model = PreparedScene::new(model, &[]).unwrap().0;
+    let model = PreparedScene::new(scaled_room(0.01), &[]).unwrap().0;
     let surface = Surface { position: Vec3::Y * 0.01, normal: Vec3::NEG_Y };
     let put = put_on(lamp(Vec3::ZERO), surface, Vec3::ZERO, &model);
     assert!(put.aim.y < put.position.y && put.aim.length() < 0.01, "{put:?}");
