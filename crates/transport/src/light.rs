@@ -227,11 +227,15 @@ impl PanelSpot {
     }
 }
 
-/// Linear Rec. 709 color of a black body at luminance 1. Clamped to 1667…25000 K and to the gamut.
+/// Least and greatest color temperature that light has a color of its own for, kelvin: beyond, it has that of the nearer one.
+pub const TINT_KELVIN: [f32; 2] = [1667.0, 25_000.0];
+
+/// Linear Rec. 709 color of a black body at luminance 1. Clamped to [`TINT_KELVIN`] and to the gamut.
 ///
 /// Chromaticity by the rational fit of \[Kim2002\] for the Planckian locus.
 pub fn planckian_tint(kelvin: f32) -> Vec3 {
-    let t = f64::from(if kelvin.is_finite() { kelvin.clamp(1667.0, 25_000.0) } else { 6500.0 });
+    let [least, most] = TINT_KELVIN;
+    let t = f64::from(if kelvin.is_finite() { kelvin.clamp(least, most) } else { 6500.0 });
     let x = if t <= 4000.0 {
         -0.266_123_9e9 / t.powi(3) - 0.234_358_9e6 / t.powi(2) + 0.877_695_6e3 / t + 0.179_910
     } else {

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use clerestory_relight::display::WhitePoint;
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::lamps::{FreeLamp, LampShape};
-use clerestory_transport::light::{LightRig, LightSetting, PanelSpot};
+use clerestory_transport::light::{LightRig, LightSetting, PanelSpot, TINT_KELVIN};
 use clerestory_transport::sky::{SkySetting, SunPlace, SunSetting};
 use glam::{Vec2, Vec3};
 
@@ -21,9 +21,6 @@ const UNIFORM: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 100.0, colo
 
 /// The light that is shown as neutral where a look chooses none: D65, which lies beside the Planckian locus.
 const DISPLAY_WHITE: WhitePoint = WhitePoint { kelvin: DISPLAY_KELVIN, duv: 0.0032 };
-
-/// Color temperatures between which light has its own color; what is set beyond shines as the nearer one.
-const SHOWN_KELVIN: [f32; 2] = [1667.0, 25_000.0];
 
 /// A whole turn: an angle that goes on behind it comes round again, as a file holds no more.
 const TURN_DEG: f64 = 360.0;
@@ -108,7 +105,7 @@ fn setting(a: LightSetting, b: LightSetting, t: f32, own: Vec3) -> LightSetting 
         _ if weights[1] == 0.0 || (a.color, a.kelvin) == (b.color, b.kelvin) => tint(a),
         _ if weights[0] == 0.0 => tint(b),
         (Some(from), Some(to)) => {
-            let [from, to] = [from, to].map(|kelvin| kelvin.clamp(SHOWN_KELVIN[0], SHOWN_KELVIN[1]));
+            let [from, to] = [from, to].map(|kelvin| kelvin.clamp(TINT_KELVIN[0], TINT_KELVIN[1]));
             let mired = (weights[0] / from + weights[1] / to) / intensity;
             LightSetting { kelvin: Some(1.0 / mired), ..tint(nearer) }
         }
