@@ -212,7 +212,7 @@ impl App {
             views: &views,
             film: self.settings.film,
             is_moving: self.camera.is_moving,
-            extent_m: self.session.lamp_scene().map_or(f32::INFINITY, |scene| scene.extent()),
+            extent_m: self.session.extent_m(),
         };
         let desk = &mut self.camera;
         let before = desk.camera.clone();

@@ -129,7 +129,7 @@ impl App {
             if let Some(basis) = self.session.basis().cloned() {
                 self.sky_ui(ui, &basis);
                 let choice = self.lamp_choice();
-                self.lights.lamps.extent_m = self.session.lamp_scene().map(|scene| scene.extent());
+                self.lights.lamps.extent_m = self.session.extent_m();
                 lights_ui(ui, &basis, &mut self.look, &mut self.lights, &choice, &mut self.actions);
             } else {
                 theme::section(ui, "Lights");

@@ -575,7 +575,7 @@ impl App {
             has_floor,
             known_floor: self.known_floor(),
             elsewhere: self.elsewhere(),
-            extent_m: self.session.lamp_scene().map(|scene| scene.extent()),
+            extent_m: self.session.extent_m(),
         };
         let mut asks_for_floor = false;
         let state = MeasureState {

@@ -23,8 +23,8 @@ pub struct CameraView<'a> {
     pub film: Film,
     /// Whether the camera is in hand.
     pub is_moving: bool,
-    /// Diagonal of the scene, m; infinite where it is not known.
-    pub extent_m: f32,
+    /// Diagonal of the scene, m, where it is known.
+    pub extent_m: Option<f32>,
 }
 
 /// What the section sets.

@@ -79,10 +79,6 @@ impl LampState {
         self.drag.is_some() || self.pulled_at.is_some()
     }
 
-    fn extent_m(&self) -> f32 {
-        self.extent_m.unwrap_or(f32::INFINITY)
-    }
-
     /// Lets go of what is dragged in the picture: it stays where it is.
     pub fn let_go(&mut self) {
         (self.drag, self.dragged_to, self.pulled_at, self.pulled) = (None, None, None, None);
@@ -226,7 +222,7 @@ pub(super) fn details_ui(
                 let name = look.name_of(key).to_owned();
                 let lamp = &mut look.lights.lamps[idx];
                 strength_ui(ui, &name, lamp);
-                shape_ui(ui, &name, lamp, state.extent_m());
+                shape_ui(ui, &name, lamp, state.extent_m);
                 place_ui(ui, &name, lamp, state);
             });
             buttons_ui(ui, &look.lights.lamps[idx], state, actions);
@@ -293,7 +289,7 @@ fn strength_within(lamp: &FreeLamp, unit: LampUnit) -> Option<f32> {
     lamp.strength_in(unit).filter(|strength| (0.0..=MOST_STRENGTH).contains(strength))
 }
 
-fn shape_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, extent_m: f32) {
+fn shape_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, extent_m: Option<f32>) {
     let (speed, digits) = step_m(0.005, 3, extent_m);
     let meters = |ui: &mut Ui, value: &mut f32, what: &str| {
         let number = Number::new(value).range(0.0..=1e4).speed(speed).suffix(" m").max_decimals(digits);
@@ -352,7 +348,7 @@ fn angle(degrees: &mut f32, most: f32) -> Number<'_> {
 }
 
 fn place_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, state: &mut LampState) {
-    let (speed, digits) = step_m(0.01, 3, state.extent_m());
+    let (speed, digits) = step_m(0.01, 3, state.extent_m);
     let numbers = |ui: &mut Ui, place: &mut Vec3, what: &str| {
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 3.0;
@@ -463,7 +459,7 @@ mod tests {
         let shape = LampShape::Sphere { radius_m: 0.00125 };
         let mut lamp = FreeLamp { shape, unit: LampUnit::Lumen, ..lamp("lamp") };
         let mut window = Harness::new_ui(|ui| {
-            Grid::new("lamp").show(ui, |ui| shape_ui(ui, "lamp", &mut lamp, 0.05));
+            Grid::new("lamp").show(ui, |ui| shape_ui(ui, "lamp", &mut lamp, Some(0.05)));
         });
         window.run_steps(2);
         let told = window.get_by_role_and_label(Role::SpinButton, "lamp radius").accesskit_node().value();

@@ -271,20 +271,20 @@ const DESK_M: f32 = 0.75;
 /// Of the diagonal of a scene a desk is no higher: else the scene is a model, a tenth or a hundredth of what it shows.
 const DESK_OF_EXTENT: f32 = 0.25;
 
-fn desk_m(extent_m: f32) -> f32 {
+fn desk_m(extent_m: Option<f32>) -> f32 {
     let mut models = (0..6).map(|power| DESK_M / 10f32.powi(power));
-    models.find(|desk_m| *desk_m <= DESK_OF_EXTENT * extent_m).unwrap_or(DESK_M)
+    let fits = |desk_m: &f32| extent_m.is_none_or(|extent_m| *desk_m <= DESK_OF_EXTENT * extent_m);
+    models.find(fits).unwrap_or(DESK_M)
 }
 
 /// A level grid of sensors over a floor.
 fn work_plane_ui(ui: &mut Ui, plane: &mut Option<PlaneChoice>, view: &MeasureView, actions: &mut Vec<Action>) {
-    let extent_m = view.extent_m.unwrap_or(f32::INFINITY);
-    let (speed, digits) = step_m(0.01, 3, extent_m);
+    let (speed, digits) = step_m(0.01, 3, view.extent_m);
     let mut is_wanted = plane.is_some();
     let hint = "A level grid of sensors above a floor, baked with the illuminance: average, minimum and uniformity";
     if ui.checkbox(&mut is_wanted, "Work plane").on_hover_text(hint).changed() {
         let floor = view.floor.map(str::to_owned);
-        *plane = is_wanted.then_some(PlaneChoice { height_m: desk_m(extent_m), spacing_m: None, floor });
+        *plane = is_wanted.then_some(PlaneChoice { height_m: desk_m(view.extent_m), spacing_m: None, floor });
     }
     let Some(plane) = plane else { return };
     Grid::new("work plane").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
@@ -384,7 +384,7 @@ mod tests {
 
     #[test]
     fn a_work_plane_is_as_high_as_a_desk_in_a_model_as_well() {
-        let found = [f32::INFINITY, 300.0, 3.5, 0.05].map(desk_m);
+        let found = [f32::INFINITY, 300.0, 3.5, 0.05].map(|extent_m| desk_m(Some(extent_m)));
         assert!(found[..3] == [DESK_M; 3] && (found[3] - 0.0075).abs() < 1e-6, "{found:?}");
     }
 

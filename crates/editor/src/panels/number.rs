@@ -88,10 +88,10 @@ impl Widget for Number<'_> {
 /// Diagonal of a room, m; what is smaller is a model.
 const ROOM_M: f64 = 5.0;
 
-/// For a field of meters in a scene of some diagonal: how far a drag over one point goes, `usual_m` in a room and less in a model of one,
-/// and how many digits behind the point tell that, `fewest` at least.
-pub fn step_m(usual_m: f64, fewest: usize, extent_m: f32) -> (f64, usize) {
-    let step_m = usual_m * (f64::from(extent_m) / ROOM_M).clamp(1e-6, 1.0);
+/// For a field of meters in a scene of some diagonal: how far a drag over one point goes, `usual_m` in a room, or where nothing is known of
+/// it, and less in a model of one; and how many digits behind the point tell that, `fewest` at least.
+pub fn step_m(usual_m: f64, fewest: usize, extent_m: Option<f32>) -> (f64, usize) {
+    let step_m = usual_m * extent_m.map_or(1.0, |extent_m| (f64::from(extent_m) / ROOM_M).clamp(1e-6, 1.0));
     (step_m, fewest.max((-step_m.log10()).ceil() as usize))
 }
 
@@ -263,13 +263,13 @@ mod tests {
 
     #[test]
     fn in_a_model_a_drag_goes_less_far_and_more_digits_tell_it() {
-        for extent_m in [5.0, 3000.0, f32::INFINITY] {
+        for extent_m in [Some(5.0), Some(3000.0), Some(f32::INFINITY), None] {
             assert_eq!(step_m(0.02, 2, extent_m), (0.02, 2));
             assert_eq!(step_m(0.01, 3, extent_m).1, 3);
         }
-        let (step, digits) = step_m(0.02, 2, 0.05);
+        let (step, digits) = step_m(0.02, 2, Some(0.05));
         assert!((step - 2e-4).abs() < 1e-9 && digits == 4, "{step} m, {digits} digits");
-        assert!(step_m(0.02, 2, 0.0).0 > 0.0);
+        assert!(step_m(0.02, 2, Some(0.0)).0 > 0.0);
     }
 
     #[test]

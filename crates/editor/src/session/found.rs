@@ -55,6 +55,11 @@ impl Session {
         opened.scene.as_ref().or_else(of_bake)
     }
 
+    /// Diagonal of that scene, m, where it is there.
+    pub fn extent_m(&self) -> Option<f32> {
+        self.lamp_scene().map(|scene| scene.extent())
+    }
+
     /// Takes a file as the scene of the bake that was opened, in the background.
     pub fn find_scene(&mut self, path: PathBuf) {
         let Some(header) = self.shown.as_ref().map(|shown| shown.header.clone()) else { return };
