@@ -14,11 +14,12 @@ use super::raster::{Decoded, Raster, Whole, joined};
 /// Where the head of a picture ends, at the latest: one that was put together of many tells of each.
 const MOST_HEAD_BYTES: usize = 1 << 20;
 
-/// Which of rows and columns do not run from the top left.
+/// Which of rows and columns do not run from the top left, and whether the file holds one column after the other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Turned {
     rows: bool,
     columns: bool,
+    by_columns: bool,
 }
 
 /// A picture of linear pixels.
@@ -45,7 +46,7 @@ pub(super) fn decode(
     Ok(RadiancePicture { size, pixels: raster.pixels, remark })
 }
 
-/// The same into what is made for pixels of that width and height, row by row: no more than one of them is held beside it.
+/// The same into what is made for pixels of that width and height, line by line: no more than one of them is held beside it.
 ///
 /// # Errors
 /// As [`decode`].
@@ -72,12 +73,14 @@ pub(super) fn decode_into<R: Raster>(
     let remarks: Vec<String> = colors.err().into_iter().chain(passed_over(&head.custom_attributes)).collect();
     let mut raster = raster(size);
     let [width, height] = size.map(|side| side as usize);
-    let mut row = Vec::new();
-    for nth in 0..height {
-        read_row(&mut rest, size[0], &mut row)?;
-        let y = if turned.rows { height - 1 - nth } else { nth };
-        for (nth, pixel) in row.iter().enumerate() {
-            let x = if turned.columns { width - 1 - nth } else { nth };
+    let (n_lines, n_pixels) = if turned.by_columns { (width, size[1]) } else { (height, size[0]) };
+    let mut line = Vec::new();
+    for nth in 0..n_lines {
+        read_line(&mut rest, n_pixels, &mut line)?;
+        for (along, pixel) in line.iter().enumerate() {
+            let (x, y) = if turned.by_columns { (nth, along) } else { (along, nth) };
+            let x = if turned.columns { width - 1 - x } else { x };
+            let y = if turned.rows { height - 1 - y } else { y };
             let pixel: [f32; 3] = std::array::from_fn(|c| pixel[c] / factors[c]);
             raster.put(x, y, into_rec709.as_ref().map_or(pixel, |matrix| converted(matrix, pixel)));
         }
@@ -130,22 +133,25 @@ impl Head {
     }
 }
 
-/// The line that tells the size, as if rows ran from the top and columns from the left, where the decoder knows no other way.
+/// The line that tells the size, as if rows came one after the other from the top and ran from the left, where the decoder knows no
+/// other way.
 fn straightened(line: &[u8]) -> (Cow<'_, [u8]>, Turned) {
     let words: Vec<&str> = std::str::from_utf8(line).unwrap_or_default().split_whitespace().collect();
-    let &[y @ ("+Y" | "-Y"), height, x @ ("+X" | "-X"), width] = words.as_slice() else {
-        return (Cow::Borrowed(line), Turned::default());
+    let (y, height, x, width, by_columns) = match *words.as_slice() {
+        [y @ ("+Y" | "-Y"), height, x @ ("+X" | "-X"), width] => (y, height, x, width, false),
+        [x @ ("+X" | "-X"), width, y @ ("+Y" | "-Y"), height] => (y, height, x, width, true),
+        _ => return (Cow::Borrowed(line), Turned::default()),
     };
-    let turned = Turned { rows: y == "+Y", columns: x == "-X" };
+    let turned = Turned { rows: y == "+Y", columns: x == "-X", by_columns };
     (Cow::Owned(format!("-Y {height} +X {width}").into_bytes()), turned)
 }
 
-/// Reads the next row: the decoder reads all rows of its file, so each is handed to it as a file of one.
-fn read_row(rest: &mut &[u8], width: u32, row: &mut Vec<[f32; 3]>) -> Result<(), String> {
-    let head = format!("\n-Y 1 +X {width}\n");
+/// Reads the next row or column: the decoder reads all rows of its file, so each is handed to it as a file of one.
+fn read_line(rest: &mut &[u8], n_pixels: u32, line: &mut Vec<[f32; 3]>) -> Result<(), String> {
+    let head = format!("\n-Y 1 +X {n_pixels}\n");
     let decoder = HdrDecoder::new_nonstrict(head.as_bytes().chain(rest)).map_err(of_image)?;
-    row.resize(width as usize, [0.0; 3]);
-    decoder.read_image(bytemuck::cast_slice_mut(row)).map_err(of_image)
+    line.resize(n_pixels as usize, [0.0; 3]);
+    decoder.read_image(bytemuck::cast_slice_mut(line)).map_err(of_image)
 }
 
 /// What makes its colors those of Rec. 709, or why what its head says of them is passed over, in words.
@@ -203,21 +209,25 @@ mod tests {
     }
 
     #[test]
-    fn rows_from_the_bottom_and_columns_from_the_right_are_turned_round() {
+    fn rows_and_columns_come_from_any_corner_and_either_of_them_first() {
         for (line, expected) in [
             ("-Y 2 +X 3", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
             ("+Y 2 +X 3", [4.0, 5.0, 6.0, 1.0, 2.0, 3.0]),
             ("-Y 2 -X 3", [3.0, 2.0, 1.0, 6.0, 5.0, 4.0]),
             ("+Y 2 -X 3", [6.0, 5.0, 4.0, 3.0, 2.0, 1.0]),
+            ("+X 3 -Y 2", [1.0, 3.0, 5.0, 2.0, 4.0, 6.0]),
+            ("+X 3 +Y 2", [2.0, 4.0, 6.0, 1.0, 3.0, 5.0]),
+            ("-X 3 -Y 2", [5.0, 3.0, 1.0, 6.0, 4.0, 2.0]),
+            ("-X 3 +Y 2", [6.0, 4.0, 2.0, 5.0, 3.0, 1.0]),
         ] {
             let bytes = picture(line);
             let RadiancePicture { size: told, pixels, .. } = decode(&bytes, |_| Ok(())).expect(line);
             assert_eq!((told, size(bytes.as_slice())), ([3, 2], Ok([3, 2])), "{line}");
             assert_eq!(pixels, expected.map(|value: f32| [value; 3]), "{line}");
         }
-        let on_its_side = picture("+X 3 -Y 2");
-        assert!(size(on_its_side.as_slice()).expect_err("columns first").contains("Orientation"));
-        assert!(decode(&on_its_side, |_| Ok(())).expect_err("columns first").contains("Orientation"));
+        let twice = picture("+X 3 -X 2");
+        assert!(size(twice.as_slice()).expect_err("no rows").contains("Orientation"));
+        assert!(decode(&twice, |_| Ok(())).expect_err("no rows").contains("Orientation"));
     }
 
     #[test]
