@@ -10,6 +10,7 @@ use image::codecs::hdr::{HdrDecoder, HdrMetadata};
 use super::files::{of_file, of_image};
 use super::primaries::{converted, into_rec709_from};
 use super::raster::{Decoded, Raster, Whole, joined};
+use crate::light::REC709_FROM_XYZ;
 
 /// Where the head of a picture ends, at the latest: one that was put together of many tells of each.
 const MOST_HEAD_BYTES: usize = 1 << 20;
@@ -34,7 +35,7 @@ pub(super) struct RadiancePicture {
 }
 
 /// The picture of a file. Values are stored times all `EXPOSURE` and `COLORCORR` of the head, and divided by them here; colors of other
-/// `PRIMARIES` become those of Rec. 709. Nothing is allocated before the size was checked.
+/// `PRIMARIES`, and X, Y and Z of CIE 1931, become those of Rec. 709. Nothing is allocated before the size was checked.
 ///
 /// # Errors
 /// What is wrong with it, in words.
@@ -57,7 +58,7 @@ pub(super) fn decode_into<R: Raster>(
     raster: impl FnOnce([u32; 2]) -> R,
 ) -> Result<Decoded<R>, String> {
     let head = Head::of(bytes);
-    let (mut rest, turned) = (&bytes[head.n_bytes..], head.turned);
+    let (mut rest, turned, is_xyz) = (&bytes[head.n_bytes..], head.turned, head.is_xyz);
     let (size, head) = head.told()?;
     check(size)?;
     let (exposure, (red, green, blue)) =
@@ -68,7 +69,7 @@ pub(super) fn decode_into<R: Raster>(
             "its head tells an exposure of {exposure} and a color correction of {red} {green} {blue}, by which nothing can be divided"
         ));
     }
-    let colors = colors(&head.custom_attributes);
+    let colors = if is_xyz { Ok(Some(REC709_FROM_XYZ)) } else { colors(&head.custom_attributes) };
     let into_rec709 = colors.as_ref().ok().copied().flatten().map(|matrix| matrix.as_mat3());
     let remarks: Vec<String> = colors.err().into_iter().chain(passed_over(&head.custom_attributes)).collect();
     let mut raster = raster(size);
@@ -95,13 +96,15 @@ struct Head {
     /// Where the first row begins in the file.
     n_bytes: usize,
     turned: Turned,
+    /// Whether pixels are X, Y and Z of CIE 1931.
+    is_xyz: bool,
 }
 
 impl Head {
     /// From the first bytes of a file; a head that is cut off is cut off here, too.
     #[expect(clippy::arithmetic_side_effects, reason = "lengths of lines within the bytes")]
     fn of(bytes: &[u8]) -> Head {
-        let mut head = Head { text: Vec::new(), n_bytes: 0, turned: Turned::default() };
+        let mut head = Head { text: Vec::new(), n_bytes: 0, turned: Turned::default(), is_xyz: false };
         let mut is_size = false;
         for line in bytes[..bytes.len().min(MOST_HEAD_BYTES)].split_inclusive(|byte| *byte == b'\n') {
             head.n_bytes += line.len();
@@ -116,8 +119,11 @@ impl Head {
                 break;
             }
             is_size = line.is_empty();
-            // What a tab sets in stood in the heads of pictures that this one was made of.
-            if !line.starts_with(b"\t") {
+            // What a tab sets in stood in the heads of pictures that this one was made of. The decoder reads pixels of X, Y and Z as any
+            // others where it is not told.
+            if tells_xyz(line) {
+                head.is_xyz = true;
+            } else if !line.starts_with(b"\t") {
                 head.text.extend_from_slice(line);
                 head.text.push(b'\n');
             }
@@ -131,6 +137,11 @@ impl Head {
         let decoder = HdrDecoder::new_nonstrict(self.text.as_slice()).map_err(of_image)?;
         Ok((decoder.dimensions().into(), decoder.metadata()))
     }
+}
+
+/// Whether a line of a head says that pixels are X, Y and Z in place of red, green and blue.
+fn tells_xyz(line: &[u8]) -> bool {
+    line.strip_prefix(b"FORMAT=").is_some_and(|format| format.trim_ascii() == b"32-bit_rle_xyze")
 }
 
 /// The line that tells the size, as if rows came one after the other from the top and ran from the left, where the decoder knows no
@@ -199,6 +210,7 @@ pub(super) fn size(file: impl Read) -> Result<[u32; 2], String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::light::luminance;
 
     /// Gray pixels from 1 to 6, as they lie in the file.
     fn picture(line: &str) -> Vec<u8> {
@@ -228,6 +240,23 @@ mod tests {
         let twice = picture("+X 3 -X 2");
         assert!(size(twice.as_slice()).expect_err("no rows").contains("Orientation"));
         assert!(decode(&twice, |_| Ok(())).expect_err("no rows").contains("Orientation"));
+    }
+
+    #[test]
+    fn pixels_of_x_y_and_z_become_rec_709() {
+        let read = |bytes: &[u8]| decode(bytes, |_| Ok(())).expect("a picture").pixels;
+        let plain = picture("-Y 2 +X 3");
+        let xyz = String::from_utf8_lossy(&plain[..plain.len() - 4 * 6]).replace("rgbe", "xyze ");
+        let read_xyz = read(&[xyz.as_bytes(), &plain[plain.len() - 4 * 6..]].concat());
+        for (pixel, found) in read(&plain).into_iter().zip(read_xyz) {
+            // X = Y = Z is the white of equal energy, which is reddish beside D65; its luminance is Y.
+            let expected = [1.2048, 0.9483, 0.9089].map(|channel| channel * pixel[1]);
+            assert!((0..3).all(|c| (found[c] - expected[c]).abs() < 1e-3 * pixel[1]), "{found:?}, not {expected:?}");
+            assert!((luminance(found.into()) - pixel[1]).abs() < 1e-3 * pixel[1], "{found:?}");
+        }
+        // One of which it was made of had X, Y and Z.
+        let of_other = [&b"#?RADIANCE\n\tFORMAT=32-bit_rle_xyze\n"[..], &plain["#?RADIANCE\n".len()..]].concat();
+        assert_eq!(read(&of_other), read(&plain));
     }
 
     #[test]
