@@ -90,6 +90,28 @@ fn factors_out_of_range_are_brought_back_and_reported() {
 }
 
 #[test]
+fn colors_with_an_alpha_too_much_or_without_theirs_are_mended_and_told() {
+    let imported = Fixture::triangle()
+        .material(json!({
+            "emissiveFactor": [0.5, 0.25, 0, 1], "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 0.125]},
+            "extensions": {
+                "KHR_materials_sheen": {"sheenColorFactor": [1, 0.5, 0, 1]},
+                "KHR_materials_volume": {"attenuationColor": [0, 0.5, 1]},
+            },
+        }))
+        .load();
+    let material = &imported.scene.materials[0];
+    assert_eq!(material.base_color, Vec4::new(0.5, 0.25, 0.125, 1.0));
+    assert_eq!(material.emissive, Vec3::new(0.5, 0.25, 0.0));
+    assert_eq!(material.finish.as_ref().expect("a sheen").sheen_color, Vec3::new(1.0, 0.5, 0.0));
+    assert_eq!(material.attenuation_color, Vec3::new(0.0, 0.5, 1.0));
+    let [base, emission, sheen] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
+    for (line, key) in [(base, "`baseColorFactor`"), (emission, "`emissiveFactor`"), (sheen, "`sheenColorFactor`")] {
+        assert!(line.starts_with(key), "{line}");
+    }
+}
+
+#[test]
 fn an_attenuation_distance_that_is_none_is_reported() {
     for (distance, n_warnings) in [(0.0, 1), (-1.0, 1), (0.5, 0)] {
         let volume = json!({"thicknessFactor": 1, "attenuationDistance": distance});
