@@ -361,6 +361,14 @@ fn unknown_material_extensions_are_named_with_their_material() {
 }
 
 #[test]
+fn material_extensions_that_a_file_does_not_list_are_named_too() {
+    let extensions = json!({"KHR_materials_dispersion": {"dispersion": 1}, "KHR_materials_sheen": {}});
+    let told =
+        Fixture::triangle().material(json!({"name": "prism", "extensions": extensions})).load().report.unsupported;
+    assert_eq!(told, ["KHR_materials_dispersion: glass does not split colors (material \"prism\")"]);
+}
+
+#[test]
 fn lights_of_extensions_that_are_not_read_are_named_as_missing() {
     for name in ["EPIC_hdri_backdrops", "EPIC_sky_spheres", "KHR_lights", "KHR_lights_common", "MOZ_hubs_components"] {
         let mut fixture = Fixture::triangle();
