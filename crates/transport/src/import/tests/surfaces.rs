@@ -42,6 +42,23 @@ fn textures_without_coordinates_that_place_them_are_told() {
     assert_eq!(load(image(), 0), Vec::<String>::new());
 }
 
+#[test]
+fn highlights_stretched_along_coordinates_that_are_not_there_are_told() {
+    let told = |fixture: Fixture| {
+        let brushed = json!({"extensions": {"KHR_materials_anisotropy": {"anisotropyStrength": 0.5}}});
+        fixture.material(brushed).node(json!({"name": "pan"})).load().report.warnings
+    };
+    let lines = told(Fixture::triangle());
+    assert!(matches!(&lines[..], [one] if one.contains("\"pan\"") && one.contains("coordinates 0")), "{lines:?}");
+    assert_eq!(told(Fixture::triangle().placed()), Vec::<String>::new());
+    let mut with_tangents = Fixture::triangle();
+    let normals = with_tangents.floats("VEC3", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    let tangents = with_tangents.floats("VEC4", &[1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0]);
+    with_tangents.primitive()["attributes"]["NORMAL"] = json!(normals);
+    with_tangents.primitive()["attributes"]["TANGENT"] = json!(tangents);
+    assert_eq!(told(with_tangents), Vec::<String>::new());
+}
+
 /// Bytes for a data URI.
 fn escaped(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("%{byte:02X}")).collect()
