@@ -571,7 +571,8 @@ impl PreparedScene {
         if from_back || !material.attenuation_distance.is_finite() {
             return Vec3::ZERO;
         }
-        -material.attenuation_color.max(Vec3::splat(1e-6)).ln() / material.attenuation_distance
+        // Nothing is left of a channel that its color lacks, at whatever length.
+        (-material.attenuation_color.ln() / material.attenuation_distance).min(Vec3::splat(MOST_EXTINCTION))
     }
 
     /// What a point is made of, whoever looks at it.
@@ -665,6 +666,9 @@ fn diagonal(trees: [Option<&Bvh>; 3]) -> f32 {
     let all = bounds.fold(Aabb::EMPTY, |a, b| Aabb { min: a.min.min(b.min), max: a.max.max(b.max) });
     (all.max - all.min).length()
 }
+
+/// Extinction of a solid that lets nothing pass, 1/m: finite, so that no length at all leaves all light.
+const MOST_EXTINCTION: f32 = 1e20;
 
 /// Shadow rays end just before the light's own surface.
 pub(crate) const SHADOW_END: f32 = 0.9999;

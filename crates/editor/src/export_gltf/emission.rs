@@ -21,7 +21,7 @@ impl Emission {
     /// None where it does not, or where no light is set by it: unlit surfaces show themselves.
     pub fn of(material: &RawObject) -> Option<Emission> {
         let extensions: RawObject = material.read("extensions").unwrap_or_default();
-        let factor = material.read::<[f32; 3]>("emissiveFactor").map(Vec3::from)?;
+        let factor = material.color("emissiveFactor")?;
         let strength = strength_of(material);
         let shines = (factor * strength).max_element() > 0.0 && extensions.get("KHR_materials_unlit").is_none();
         shines.then_some(Emission { factor, strength })

@@ -135,7 +135,7 @@ fn write_lamp(
     let mut node = document.item("nodes", node_idx)?;
     let lamp_idx = lamp_of(&node);
     let mut lamp = lamp_idx.map(|idx| document.item(LAMPS, idx)).transpose()?;
-    let own_color: Vec3 = lamp.as_ref().and_then(|lamp| lamp.read::<[f32; 3]>("color")).map_or(Vec3::ONE, Vec3::from);
+    let own_color = lamp.as_ref().and_then(|lamp| lamp.color("color")).unwrap_or(Vec3::ONE);
     if let Some(measured_cd) = measured_cd {
         let mut instance = muted::instance_of(&node);
         let of_file = own_color * muted::tint_of(&instance) * measured_cd;
@@ -177,7 +177,7 @@ fn write_lamp(
 
 /// Changes the plain lamp beside a measured distribution alike: programs that cannot read the distribution go by it.
 fn set_plain(lamp: &mut RawObject, by: f32, color: Option<[f32; 3]>) {
-    let own = lamp.read::<[f32; 3]>("color").map_or(1.0, |own| Vec3::from(own).max_element());
+    let own = lamp.color("color").map_or(1.0, Vec3::max_element);
     let was = lamp.read::<f32>("intensity").unwrap_or(1.0) * if color.is_some() { own } else { 1.0 };
     if (was * by).is_finite() {
         lamp.set("intensity", &(was * by));

@@ -166,7 +166,7 @@ pub(super) fn tint_of(instance: &RawObject) -> Vec3 {
 }
 
 fn color_of(lamp: &RawObject) -> Vec3 {
-    lamp.read::<[f32; 3]>("color").map_or(Vec3::ONE, Vec3::from)
+    lamp.color("color").unwrap_or(Vec3::ONE)
 }
 
 /// A color that is there already stays as it was written.

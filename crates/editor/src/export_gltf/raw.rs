@@ -5,6 +5,7 @@ use std::fmt;
 
 use anyhow::{Context, Result, anyhow};
 use clerestory_transport::import::legible;
+use glam::Vec3;
 use serde::de::{DeserializeOwned, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -38,6 +39,12 @@ impl RawObject {
     /// A member that is the place of an item in a list.
     pub fn place(&self, key: &str) -> Option<usize> {
         self.read::<f64>(key).and_then(whole)
+    }
+
+    /// A member that is a color, without the alpha that some programs write behind it.
+    pub fn color(&self, key: &str) -> Option<Vec3> {
+        let numbers: Vec<f32> = self.read(key)?;
+        numbers.first_chunk::<3>().copied().map(Vec3::from)
     }
 
     /// Sets a member; one that is new comes last.

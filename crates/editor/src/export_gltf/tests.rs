@@ -194,6 +194,26 @@ fn what_several_nodes_share_is_copied_and_muted_lights_are_dark() {
 }
 
 #[test]
+fn colors_with_an_alpha_too_much_are_written_as_they_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
+    let mut gltf: Value = serde_json::from_slice(&shared()).unwrap();
+    let shining = gltf["materials"].as_array_mut().unwrap().last_mut().unwrap();
+    shining["emissiveFactor"] = json!([1, 0.9, 0.8, 1]);
+    gltf["extensions"]["KHR_lights_punctual"]["lights"][0]["color"] = json!([1, 0.5, 0.25, 1]);
+    std::fs::write(&file, gltf.to_string()).unwrap();
+    let scene = open(&file);
+    for muted in [false, true] {
+        let mut look = Look::default();
+        for key in ["a", "c", "lamp"] {
+            look.lights.lights.insert(key.into(), LightSetting { intensity: 3.0, muted, ..LightSetting::default() });
+        }
+        assert_eq!(save(&file, &scene, &look, &out), Vec::<String>::new());
+        assert_same_light(&scene, &look, &open(&out));
+    }
+}
+
+#[test]
 fn a_directional_lamp_with_a_size_is_written_as_it_is_set() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));

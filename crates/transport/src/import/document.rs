@@ -85,6 +85,19 @@ const NUMBERED: &[&str] = &[
 /// The extension that has lamps.
 const LAMPS: &str = "KHR_lights_punctual";
 
+/// Colors of materials and lamps, and how many numbers each has.
+const COLORS: &[(&str, usize)] = &[
+    ("attenuationColor", 3),
+    ("baseColorFactor", 4),
+    ("color", 3),
+    ("diffuseFactor", 4),
+    ("diffuseTransmissionColorFactor", 3),
+    ("emissiveFactor", 3),
+    ("sheenColorFactor", 3),
+    ("specularColorFactor", 3),
+    ("specularFactor", 3),
+];
+
 /// The text of a document without a mark before it and padding behind it; letters that cannot be read are replaced.
 pub fn legible(text: &[u8]) -> Cow<'_, str> {
     let mut text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
@@ -127,6 +140,7 @@ pub(super) fn read(name: &str, text: &[u8], notes: &mut Notes) -> Result<Documen
     let skins = items("skins").iter().map(|skin| Skin::deserialize(skin).ok()).collect();
     note_lost_displacements(&value, notes);
     mend(&mut value);
+    mend_colors(&mut value, notes);
     let root = Root::deserialize(&value).map_err(|error| broken(located(&value, error)))?;
     Ok(Document { root, n_animations, skins })
 }
@@ -232,6 +246,38 @@ fn mend(root: &mut Value) {
     each_object(root, &["nodes", "extensions"], &mut |members| {
         members.retain(|key, member| key != LAMPS || member.get("light").is_some());
     });
+}
+
+/// Gives colors of materials and lamps as many numbers as glTF has for them: some programs write an alpha where there is none, or leave
+/// it out.
+fn mend_colors(root: &mut Value, notes: &mut Notes) {
+    let mut odd = BTreeSet::new();
+    let paths: [&[&str]; 2] = [&["materials"], &["extensions", LAMPS, "lights"]];
+    for path in paths {
+        each_object(root, path, &mut |members| fit_colors(members, &mut odd));
+    }
+    for key in odd {
+        notes.warn(format!(
+            "`{key}` holds an alpha where glTF has none, or none where it has one: that is left out, or taken for 1"
+        ));
+    }
+}
+
+/// The same of an object and all that is part of it; keys of those that were too long or too short.
+fn fit_colors(members: &mut Map<String, Value>, odd: &mut BTreeSet<String>) {
+    for (key, member) in members.iter_mut().filter(|(key, _)| *key != "extras") {
+        match member {
+            Value::Object(members) => fit_colors(members, odd),
+            Value::Array(numbers) if matches!(numbers.len(), 3 | 4) => {
+                let wanted = COLORS.iter().find(|(color, _)| key == color).map(|(_, n_numbers)| *n_numbers);
+                if let Some(n_numbers) = wanted.filter(|n_numbers| *n_numbers != numbers.len()) {
+                    numbers.resize(n_numbers, json!(1));
+                    odd.insert(key.clone());
+                }
+            }
+            _ => {}
+        }
+    }
 }
 
 /// Takes uses of textures that name none from a material and all that is part of it.

@@ -86,7 +86,11 @@ pub(super) fn check(name: &str, document: &Root, has_variant: bool, notes: &mut 
             remedy: "export it again without Draco compression, or run `gltf-transform copy IN.glb OUT.glb`".to_owned(),
         });
     }
-    let mut names: Vec<&String> = document.extensions_used.iter().chain(&document.extensions_required).collect();
+    let of_materials = document.materials.iter().filter_map(|material| material.extensions.as_ref());
+    // Not all that materials use is listed by every program.
+    let unlisted = of_materials.flat_map(|all| all.others.keys());
+    let listed = document.extensions_used.iter().chain(&document.extensions_required);
+    let mut names: Vec<&String> = listed.chain(unlisted).collect();
     names.sort();
     names.dedup();
     for extension in names {

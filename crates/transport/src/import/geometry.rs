@@ -396,6 +396,14 @@ fn assemble(job: &Job, vertices: Vertices, triangles: Vec<[u32; 3]>, built: &mut
                 built.notes.warn(format!("{}: {lost}: they are computed instead", job.name));
             }
         } else {
+            let set = usize::from(tangent_map.uv_set.min(1));
+            // Of sets that place textures it was told.
+            if mesh.uvs[set].is_empty() && !job.uv_sets[set] {
+                built.notes.warn(format!(
+                    "{}: it has no texture coordinates {set}, along which its material stretches highlights: they are stretched any way",
+                    job.name
+                ));
+            }
             tangents::compute(&mut mesh, tangent_map);
         }
     }

@@ -83,6 +83,19 @@ fn what_bounds_no_solid_leaves_light_in_the_water_around_it() {
 }
 
 #[test]
+fn nothing_is_left_of_a_channel_that_a_color_lacks_however_short_the_way() {
+    let color = Vec3::new(0.0, 0.5, 1.0);
+    let redless = Material { attenuation_color: color, attenuation_distance: 100.0, ..water() };
+    let camera = Camera::look_at("above", Vec3::Y * 2.0, Vec3::ZERO, 1e-3, 1.0);
+    let scene = Stage::new(camera).surface("water", &block(0.5), redless).prepared();
+    let left = |length_m: f32| (-scene.extinction_behind(0, false, Vec3::ZERO) * length_m).exp();
+    let of_a_millimeter = left(1e-3);
+    assert!(of_a_millimeter.x == 0.0 && of_a_millimeter.z == 1.0, "{of_a_millimeter}");
+    assert!((left(50.0).y - 0.5_f32.sqrt()).abs() < 1e-6);
+    assert_eq!(left(0.0), Vec3::ONE);
+}
+
+#[test]
 fn walks_through_a_film_in_water_are_attenuated_as_connections_are() {
     let scene = basin().surface("film", &level(-0.2), tint(1.0)).prepared();
     let weights = file_light(&scene);

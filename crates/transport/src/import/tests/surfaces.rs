@@ -42,6 +42,23 @@ fn textures_without_coordinates_that_place_them_are_told() {
     assert_eq!(load(image(), 0), Vec::<String>::new());
 }
 
+#[test]
+fn highlights_stretched_along_coordinates_that_are_not_there_are_told() {
+    let told = |fixture: Fixture| {
+        let brushed = json!({"extensions": {"KHR_materials_anisotropy": {"anisotropyStrength": 0.5}}});
+        fixture.material(brushed).node(json!({"name": "pan"})).load().report.warnings
+    };
+    let lines = told(Fixture::triangle());
+    assert!(matches!(&lines[..], [one] if one.contains("\"pan\"") && one.contains("coordinates 0")), "{lines:?}");
+    assert_eq!(told(Fixture::triangle().placed()), Vec::<String>::new());
+    let mut with_tangents = Fixture::triangle();
+    let normals = with_tangents.floats("VEC3", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    let tangents = with_tangents.floats("VEC4", &[1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0]);
+    with_tangents.primitive()["attributes"]["NORMAL"] = json!(normals);
+    with_tangents.primitive()["attributes"]["TANGENT"] = json!(tangents);
+    assert_eq!(told(with_tangents), Vec::<String>::new());
+}
+
 /// Bytes for a data URI.
 fn escaped(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("%{byte:02X}")).collect()
@@ -87,6 +104,28 @@ fn factors_out_of_range_are_brought_back_and_reported() {
     assert_eq!(imported.scene.materials[0].base_color, Vec4::new(0.0, 0.5, 1.0, 1.0));
     assert_eq!(imported.scene.materials[0].roughness, 1.0);
     assert_eq!(imported.report.warnings.len(), 2);
+}
+
+#[test]
+fn colors_with_an_alpha_too_much_or_without_theirs_are_mended_and_told() {
+    let imported = Fixture::triangle()
+        .material(json!({
+            "emissiveFactor": [0.5, 0.25, 0, 1], "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 0.125]},
+            "extensions": {
+                "KHR_materials_sheen": {"sheenColorFactor": [1, 0.5, 0, 1]},
+                "KHR_materials_volume": {"attenuationColor": [0, 0.5, 1]},
+            },
+        }))
+        .load();
+    let material = &imported.scene.materials[0];
+    assert_eq!(material.base_color, Vec4::new(0.5, 0.25, 0.125, 1.0));
+    assert_eq!(material.emissive, Vec3::new(0.5, 0.25, 0.0));
+    assert_eq!(material.finish.as_ref().expect("a sheen").sheen_color, Vec3::new(1.0, 0.5, 0.0));
+    assert_eq!(material.attenuation_color, Vec3::new(0.0, 0.5, 1.0));
+    let [base, emission, sheen] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
+    for (line, key) in [(base, "`baseColorFactor`"), (emission, "`emissiveFactor`"), (sheen, "`sheenColorFactor`")] {
+        assert!(line.starts_with(key), "{line}");
+    }
 }
 
 #[test]
@@ -336,6 +375,14 @@ fn unknown_material_extensions_are_named_with_their_material() {
     let imported = fixture.material(json!({"name": "prism", "extensions": {"KHR_materials_dispersion": {}}})).load();
     let [line] = &imported.report.unsupported[..] else { panic!("{:?}", imported.report.unsupported) };
     assert!(line.contains("KHR_materials_dispersion") && line.contains("prism"), "{line}");
+}
+
+#[test]
+fn material_extensions_that_a_file_does_not_list_are_named_too() {
+    let extensions = json!({"KHR_materials_dispersion": {"dispersion": 1}, "KHR_materials_sheen": {}});
+    let told =
+        Fixture::triangle().material(json!({"name": "prism", "extensions": extensions})).load().report.unsupported;
+    assert_eq!(told, ["KHR_materials_dispersion: glass does not split colors (material \"prism\")"]);
 }
 
 #[test]
