@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::fixture::Fixture;
 use crate::basis::SourceKind;
 use crate::emitters::Lighting;
+use crate::import::load;
 use crate::scene::{AlphaMode, Encoding, Filter, Material, TextureRef, Wrap};
 
 /// A 2 × 1 PNG: red, then green.
@@ -197,6 +198,27 @@ fn an_image_that_cannot_be_had_becomes_a_checkerboard() {
         assert_eq!(imported.scene.textures[0].image.texels[0], [255, 0, 255, 255]);
         let [line] = &imported.report.warnings[..] else { panic!("{:?}", imported.report.warnings) };
         assert!(line.contains("a checkerboard is shown"), "{line}");
+    }
+}
+
+#[test]
+fn an_image_that_cannot_be_decoded_is_told_with_its_file() {
+    let folder = tempfile::tempdir().expect("a folder for temporary files");
+    let path = folder.path().join("room.gltf");
+    std::fs::write(folder.path().join("old bricks.tga"), [0; 30]).expect("a writable folder");
+    for (image, told) in [
+        (json!({"uri": "old%20bricks.tga"}), "image 0 (\"old bricks.tga\"): it cannot be decoded ("),
+        (json!({"uri": "old bricks.tga", "name": "B"}), "image \"B\" (\"old bricks.tga\"): it cannot be decoded ("),
+        (json!({"uri": "data:,bricks"}), "image 0: it cannot be decoded ("),
+        (json!({"uri": "none.tga"}), "image 0: the file \"none.tga\" is missing: "),
+    ] {
+        let fixture = with_image(image);
+        let fixture = fixture.material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}));
+        std::fs::write(&path, fixture.json()).expect("a writable folder");
+        let report = load(&path).expect("a loadable file").report;
+        let [line] = &report.warnings[..] else { panic!("{:?}", report.warnings) };
+        assert!(line.starts_with(told) && line.ends_with(": a checkerboard is shown"), "{line}");
+        assert_eq!(line.contains("export it as PNG or JPEG"), !line.contains("missing"), "{line}");
     }
 }
 
