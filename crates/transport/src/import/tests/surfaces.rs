@@ -324,6 +324,18 @@ fn a_readable_twin_stands_in_for_an_unreadable_image() {
 }
 
 #[test]
+fn kinds_of_images_that_are_not_read_are_told_alike() {
+    let mut fixture = Fixture::triangle();
+    let kinds = ["EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds"];
+    fixture.root["extensionsUsed"] = json!(kinds);
+    let report = fixture.load().report;
+    assert_eq!(report.unsupported.len(), kinds.len(), "{:?}", report.unsupported);
+    for (line, kind) in report.unsupported.iter().zip(kinds) {
+        assert!(line.starts_with(kind) && line.contains("without a PNG or JPEG twin"), "{line}");
+    }
+}
+
+#[test]
 fn coordinate_sets_beyond_the_second_are_reported() {
     let mut fixture = Fixture::triangle();
     let uvs = fixture.floats("VEC2", &[0.5; 6]);
