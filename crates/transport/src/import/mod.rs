@@ -175,7 +175,9 @@ pub enum ImportError {
     #[error(transparent)]
     Stopped(#[from] Stopped),
     /// A buffer that geometry or images need is not there.
-    #[error("buffer {index} of {name} cannot be had: {reason}")]
+    #[error(
+        "buffer {index} of {name} cannot be had: {reason}; put all its files beside it, or export it again as .glb"
+    )]
     Buffer {
         /// Which file.
         name: String,
