@@ -275,18 +275,25 @@ fn transforms(reader: &Reader, node: &Node, placed: &PlacedNode, name: &str, not
     }
     match hierarchy::instances(reader, instancing) {
         Ok(instances) => {
+            let n_instances = instances.len();
             if let Some(most) = hierarchy::n_instances_of_longest(reader, instancing) {
-                let n_instances = instances.len();
                 notes.warn(format!(
                     "{name}: translations, rotations and scales of its instances are not as many, up to {most}: the first \
                      {n_instances} are shown"
                 ));
             }
-            instances
+            let finite: Vec<DMat4> = instances
                 .into_iter()
                 .map(|node_from_instance| placed.world_from_node * node_from_instance)
                 .filter(|world_from_instance| world_from_instance.as_mat4().is_finite())
-                .collect()
+                .collect();
+            let n_lost = n_instances.saturating_sub(finite.len());
+            if n_lost > 0 {
+                notes.warn(format!(
+                    "{name}: {n_lost} of its instances have a transform that is not finite: they are left out"
+                ));
+            }
+            finite
         }
         Err(reason) => {
             notes.warn(format!("{name}: {reason}: its instances are left out"));

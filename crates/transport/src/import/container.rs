@@ -67,24 +67,41 @@ pub(super) fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Container<'a>, Im
     // The crate subtracts the header from the length before it looks at either.
     let length = announced.filter(|&length| length >= GLB_HEADER_BYTES);
     let length = length.ok_or_else(|| broken("it ends within its header".to_owned()))? as usize;
-    match Glb::from_slice(&bytes[..length.min(bytes.len())]) {
+    let n_bytes = bytes.len();
+    let bytes = &bytes[..length.min(n_bytes)];
+    match Glb::from_slice(bytes) {
         Ok(Glb { json, bin, .. }) => Ok(Container { json, bin }),
         Err(gltf::Error::Binary(binary::Error::Version(version))) => {
             Err(ImportError::Version { name: name.to_owned(), version: version.to_string() })
         }
-        Err(gltf::Error::Binary(binary::Error::UnknownChunkType(_))) if let Some(json) = json_chunk(bytes) => {
-            Ok(Container { json: json.into(), bin: None })
+        Err(gltf::Error::Binary(binary::Error::UnknownChunkType(_))) if let Some(known) = known_chunks(bytes) => {
+            Ok(known)
         }
-        Err(gltf::Error::Binary(error)) => Err(broken(in_words(&error, length, bytes.len()))),
+        Err(gltf::Error::Binary(error)) => Err(broken(in_words(&error, length, n_bytes))),
         Err(error) => Err(broken(error.to_string())),
     }
 }
 
-/// The first chunk of a GLB if it is one of JSON: what follows it may be of a kind that only others know.
-fn json_chunk(bytes: &[u8]) -> Option<&[u8]> {
-    let (head, rest) = bytes.get(GLB_HEADER_BYTES as usize..)?.split_at_checked(8)?;
-    let length = u32::from_le_bytes(head[..4].try_into().expect("four bytes were sliced"));
-    rest.get(..length as usize).filter(|_| head[4..] == *b"JSON")
+/// The first chunk of a GLB if it is one of JSON, and the binary one if it has any: between them chunks may stand of kinds that only
+/// others know.
+fn known_chunks(bytes: &[u8]) -> Option<Container<'_>> {
+    let mut rest = bytes.get(GLB_HEADER_BYTES as usize..)?;
+    let mut chunks = std::iter::from_fn(|| {
+        let (kind, content, behind) = first_chunk(rest)?;
+        rest = behind;
+        Some((kind, content))
+    });
+    let (_, json) = chunks.next().filter(|(kind, _)| *kind == b"JSON")?;
+    let bin = chunks.find(|(kind, _)| *kind == b"BIN\0").map(|(_, bin)| bin.into());
+    Some(Container { json: json.into(), bin })
+}
+
+/// Kind and content of the first of some chunks, and what stands behind it.
+fn first_chunk(bytes: &[u8]) -> Option<(&[u8; 4], &[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk::<4>()?;
+    let (kind, rest) = rest.split_first_chunk::<4>()?;
+    let (content, behind) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+    Some((kind, content, behind))
 }
 
 /// What is wrong with the chunks of a GLB that announces `length` bytes and has `n_bytes`.

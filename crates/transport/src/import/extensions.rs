@@ -51,6 +51,7 @@ const LEFT_OUT: &[(&str, &str)] = &[
     ("EPIC_hdri_backdrops", "its backdrop and the light of that are left out; give the picture as a sky"),
     ("EPIC_sky_spheres", "its sky and the light of that are left out; give it a sky here"),
     ("EXT_lights_image_based", "its environment light is left out"),
+    ("EXT_texture_avif", "AVIF textures without a PNG or JPEG twin are a checkerboard as base color, else left out"),
     ("KHR_animation_pointer", "animations are not played"),
     ("KHR_lights", "its lights are left out; export them as KHR_lights_punctual"),
     ("KHR_lights_common", "its lights are left out; export them as KHR_lights_punctual"),

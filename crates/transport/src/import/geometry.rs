@@ -103,7 +103,12 @@ impl Vertices {
         vertices.morph(reader, job, notes);
         if let Some(joints) = job.joints {
             match skins::bones(reader, job.primitive, n_vertices, joints.len()) {
-                Ok(bones) => vertices.bones = bones,
+                Ok(bones) => {
+                    vertices.bones = bones;
+                    if attribute(job.primitive, Semantic::Joints(2)).is_some() {
+                        notes.unsupported(format!("{}: joints of a vertex beyond the eighth are ignored", job.name));
+                    }
+                }
                 Err(reason) => skins::ignored(job.name, &reason, notes),
             }
         }

@@ -152,9 +152,10 @@ fn local_turn(node: &Node) -> DMat3 {
     DMat3::from_cols(x, z.cross(x), z)
 }
 
+/// No turn where nothing says about what; what is not finite stays so.
 fn unit(rotation: Option<[f32; 4]>) -> DQuat {
     let quaternion = rotation.map(|rotation| DQuat::from_array(rotation.map(f64::from)));
-    quaternion.filter(|q| q.length_squared() > 0.0).map_or(DQuat::IDENTITY, DQuat::normalize)
+    quaternion.filter(|q| q.length_squared() != 0.0).map_or(DQuat::IDENTITY, DQuat::normalize)
 }
 
 fn trs(translation: Option<[f32; 3]>, rotation: Option<[f32; 4]>, scale: Option<[f32; 3]>) -> DMat4 {

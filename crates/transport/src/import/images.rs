@@ -9,15 +9,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use gltf::json::texture::{MagFilter, WrappingMode};
 use gltf::json::validation::Checked;
 use gltf::json::{self, Root};
-use image::{DynamicImage, ImageDecoder, ImageReader, Limits, RgbaImage, imageops};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageReader, Limits, RgbaImage, imageops};
 use rayon::prelude::*;
 
 use super::container::Buffers;
-use super::document::called;
+use super::document::{called, shown};
 use super::jpeg;
 use super::material::UsedTexture;
 use super::report::Notes;
-use super::uri::Locator;
+use super::uri::{Locator, file_of};
 use crate::scene::{Filter, Image, Texture, Wrap};
 use crate::stop::Stop;
 
@@ -68,8 +68,6 @@ pub(super) fn decode(
     let seen: BTreeSet<&Vec<usize>> =
         (0..).zip(&sources).filter(|(place, _)| shown.contains(place)).map(|(_, sources)| sources).collect();
     let instead = |sources: &Vec<usize>| if seen.contains(sources) { CHECKERBOARD } else { LEFT_OUT };
-    let name_of =
-        |index: usize| called("image", index, document.images.get(index).and_then(|image| image.name.as_ref()));
     let sizes: Vec<Option<[u32; 2]>> = wanted
         .par_iter()
         .map(|sources| sources.iter().find_map(|&index| size_of(document, index, buffers, locator)))
@@ -85,10 +83,10 @@ pub(super) fn decode(
         for (&index, next) in sources.iter().zip(1..) {
             match decode_image(document, index, buffers, locator, &room) {
                 Ok(image) => return (Some(Arc::new(image)), notes),
-                Err(reason) => {
-                    let next = sources.get(next).map(|&next| format!("{} is shown", name_of(next)));
+                Err(fault) => {
+                    let next = sources.get(next).map(|&next| format!("{} is shown", name_of(document, next)));
                     let instead = next.unwrap_or_else(|| instead(sources).to_owned());
-                    notes.warn(format!("{}: {reason}: {instead}", name_of(index)));
+                    notes.warn(format!("{fault}: {instead}"));
                 }
             }
         }
@@ -169,6 +167,12 @@ fn shrunk([width, height]: [u32; 2], side: u32) -> [u32; 2] {
     [(width >> halvings).max(1), (height >> halvings).max(1)]
 }
 
+/// An image in a line of the report.
+fn name_of(document: &Root, index: usize) -> String {
+    called("image", index, document.images.get(index).and_then(|image| image.name.as_ref()))
+}
+
+/// An image, or a line that names it and says why it cannot be had.
 fn decode_image(
     document: &Root,
     index: usize,
@@ -176,8 +180,18 @@ fn decode_image(
     locator: &Locator,
     room: &Room,
 ) -> Result<Image, String> {
-    let source = document.images.get(index).ok_or("it does not exist")?;
-    let bytes = fetch(source, buffers, locator)?;
+    let name = name_of(document, index);
+    let source = document.images.get(index).ok_or_else(|| format!("{name}: it does not exist"))?;
+    let bytes = fetch(source, buffers, locator).map_err(|reason| format!("{name}: {reason}"))?;
+    decode_fetched(&bytes, room, &locator.stop).map_err(|reason| {
+        // What is wrong with the bytes of a file says nothing of its name.
+        let file = source.uri.as_deref().and_then(file_of);
+        let file = file.map_or_else(String::new, |file| format!(" ({})", shown(&file)));
+        format!("{name}{file}: {reason}")
+    })
+}
+
+fn decode_fetched(bytes: &[u8], room: &Room, stop: &Stop) -> Result<Image, String> {
     if bytes.starts_with(b"\xABKTX") {
         return Err(
             "KTX2 cannot be read (export it as PNG or JPEG, or run `gltf-transform ktxdecompress IN.glb OUT.glb`)"
@@ -185,7 +199,7 @@ fn decode_image(
         );
     }
     // A fault of a decoder in a single image must not take the whole scene with it.
-    let decoded = catch_unwind(AssertUnwindSafe(|| decode_bytes(&bytes, room, &locator.stop)));
+    let decoded = catch_unwind(AssertUnwindSafe(|| decode_bytes(bytes, room, stop)));
     decoded.unwrap_or_else(|_| Err("it cannot be decoded (its decoder failed)".to_owned()))
 }
 
@@ -199,7 +213,10 @@ fn decode_bytes(bytes: &[u8], room: &Room, stop: &Stop) -> Result<Image, String>
     limits.max_image_height = Some(MAX_SIDE);
     limits.max_alloc = Some(MAX_DECODE_BYTES);
     reader.limits(limits.clone());
-    let undecodable = |error| format!("it cannot be decoded ({error})");
+    let undecodable = |error: ImageError| match error {
+        ImageError::Unsupported(_) => format!("it cannot be decoded ({error}; export it as PNG or JPEG)"),
+        _ => format!("it cannot be decoded ({error})"),
+    };
     let mut decoder = reader.into_decoder().map_err(undecodable)?;
     decoder.set_limits(limits).map_err(undecodable)?;
     let (width, height) = decoder.dimensions();

@@ -1,8 +1,8 @@
 //! glTF 2.0 import: a file into a [`Scene`], with a report in words of what it holds that is not shown.
 //!
 //! Every index and every range of bytes is looked up, never trusted, so that a broken file ends in an error or a line of
-//! the report. What is missing in part (an image, a material, one primitive) is replaced or left out; only a file without
-//! readable geometry is refused.
+//! the report. What is missing in part (an image, a material, one primitive) is replaced or left out; refused is only a file
+//! whose container, JSON or buffer of geometry cannot be had, whose geometry must be decompressed by Draco, or that would fill the memory.
 
 // What is read here was written by strangers, so no integer may wrap in silence.
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
@@ -175,7 +175,9 @@ pub enum ImportError {
     #[error(transparent)]
     Stopped(#[from] Stopped),
     /// A buffer that geometry or images need is not there.
-    #[error("buffer {index} of {name} cannot be had: {reason}")]
+    #[error(
+        "buffer {index} of {name} cannot be had: {reason}; put all its files beside it, or export it again as .glb"
+    )]
     Buffer {
         /// Which file.
         name: String,

@@ -146,6 +146,11 @@ pub(super) fn data(uri: &str) -> Option<&str> {
     uri.split_once(':').filter(|(scheme, _)| scheme.eq_ignore_ascii_case("data")).map(|(_, rest)| rest)
 }
 
+/// The name of the file that a URI asks for, for messages; `None` where it holds data itself.
+pub(super) fn file_of(uri: &str) -> Option<String> {
+    data(uri).is_none().then(|| String::from_utf8_lossy(&percent_decode(uri)).into_owned())
+}
+
 /// Whether a URI says by what means it is to be had; a drive of Windows looks alike.
 fn has_scheme(uri: &str) -> bool {
     let is_part = |c: char| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.');

@@ -238,6 +238,13 @@ fn chunks_of_a_kind_that_is_not_known_are_passed_over() {
     let (json, other) = (chunk(b"JSON", &Fixture::triangle().json()), chunk(b"XTRA", b"four"));
     let imported = load_bytes("a.glb", &glb(&[json.clone(), other.clone()])).expect("a loadable file");
     assert_eq!(imported.scene.mesh.triangles.len(), 1);
+    // The binary chunk counts behind it, too.
+    let whole = Fixture::triangle().glb();
+    let length = u32::from_le_bytes(whole[12..16].try_into().expect("four bytes")) as usize;
+    let (head, bin) = whole[12..].split_at(8 + length);
+    let parted = glb(&[head.to_vec(), other.clone(), other.clone(), bin.to_vec()]);
+    let imported = load_bytes("a.glb", &parted).expect("a loadable file");
+    assert_eq!((imported.scene.mesh.triangles.len(), imported.report.warnings), (1, Vec::new()));
     let error = load_bytes("a.glb", &glb(&[other, json])).expect_err("JSON comes first").to_string();
     assert!(error.contains("unknown type"), "{error}");
 }
@@ -282,8 +289,10 @@ fn a_missing_buffer_is_named() {
     let mut fixture = Fixture::triangle();
     fixture.root["buffers"] = json!([{"byteLength": 36, "uri": "there%20is%20none.bin"}]);
     let bytes = serde_json::to_vec(&fixture.root).expect("plain JSON");
-    let error = load_bytes("alone.gltf", &bytes).expect_err("refused");
-    assert!(error.to_string().contains("there is none.bin"), "{error}");
+    let error = load_bytes("alone.gltf", &bytes).expect_err("refused").to_string();
+    for part in ["there is none.bin", "beside it", "export it again as .glb"] {
+        assert!(error.contains(part), "{error}");
+    }
 }
 
 #[test]

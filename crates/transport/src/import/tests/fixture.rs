@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use crate::import::{Imported, load_bytes};
 
 /// A file under construction: named accessors over one buffer, and the JSON around them.
+#[derive(Clone)]
 pub(super) struct Fixture {
     /// Root object, free to change before loading.
     pub root: Value,

@@ -347,6 +347,20 @@ fn instances_whose_transforms_are_not_as_many_are_told() {
     }
 }
 
+#[test]
+fn instances_whose_transforms_are_not_finite_are_told() {
+    let places: (_, _, &[f32]) = ("TRANSLATION", "VEC3", &[0.0, 0.0, 0.0, f32::NAN, 0.0, 0.0, 5.0, 0.0, 0.0]);
+    let turns: (_, _, &[f32]) =
+        ("ROTATION", "VEC4", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, f32::NAN, 0.0, 0.0, 1.0]);
+    for (attributes, n_lost) in [(&[places][..], 1), (&[turns], 1), (&[places, turns], 2)] {
+        let imported = instanced(Fixture::triangle(), attributes).load();
+        assert_eq!(imported.scene.mesh.triangles.len(), 3 - n_lost);
+        let told =
+            format!("node \"many\": {n_lost} of its instances have a transform that is not finite: they are left out");
+        assert_eq!(imported.report.warnings, [told]);
+    }
+}
+
 /// Corners of the twelve triangles of a box, seen from outside.
 fn box_corners(size: Vec3) -> Vec<[f32; 3]> {
     const FACES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];

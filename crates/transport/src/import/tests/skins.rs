@@ -91,10 +91,20 @@ fn vertices_may_hang_on_more_than_four_joints() {
     let second = fixture.primitive()["attributes"].clone();
     more["JOINTS_1"] = second["JOINTS_0"].clone();
     more["WEIGHTS_1"] = second["WEIGHTS_0"].clone();
-    fixture.primitive()["attributes"] = more;
-    let imported = fixture.load();
-    // (0, 0) is where it was by the joint below, and (1, 1) by the one above.
-    assert!(imported.scene.mesh.positions[0].distance(Vec3::new(0.5, 0.5, 0.0)) < 1e-6, "{:?}", imported.scene.mesh);
+    for (third, told) in [(None, 0), (Some("JOINTS_2"), 1)] {
+        let mut fixture = fixture.clone();
+        fixture.primitive()["attributes"] = more.clone();
+        if let Some(third) = third {
+            fixture.primitive()["attributes"][third] = second["JOINTS_0"].clone();
+        }
+        let imported = fixture.load();
+        // (0, 0) is where it was by the joint below, and (1, 1) by the one above.
+        let at = imported.scene.mesh.positions[0];
+        assert!(at.distance(Vec3::new(0.5, 0.5, 0.0)) < 1e-6, "{at}");
+        let tells = |line: &&String| line.contains("joints of a vertex beyond the eighth");
+        let unsupported = &imported.report.unsupported;
+        assert_eq!(unsupported.iter().filter(tells).count(), told, "{unsupported:?}");
+    }
 }
 
 #[test]

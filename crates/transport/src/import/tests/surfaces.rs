@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::fixture::Fixture;
 use crate::basis::SourceKind;
 use crate::emitters::Lighting;
+use crate::import::load;
 use crate::scene::{AlphaMode, Encoding, Filter, Material, TextureRef, Wrap};
 
 /// A 2 × 1 PNG: red, then green.
@@ -240,6 +241,27 @@ fn an_image_that_cannot_be_had_becomes_a_checkerboard() {
 }
 
 #[test]
+fn an_image_that_cannot_be_decoded_is_told_with_its_file() {
+    let folder = tempfile::tempdir().expect("a folder for temporary files");
+    let path = folder.path().join("room.gltf");
+    std::fs::write(folder.path().join("old bricks.tga"), [0; 30]).expect("a writable folder");
+    for (image, told) in [
+        (json!({"uri": "old%20bricks.tga"}), "image 0 (\"old bricks.tga\"): it cannot be decoded ("),
+        (json!({"uri": "old bricks.tga", "name": "B"}), "image \"B\" (\"old bricks.tga\"): it cannot be decoded ("),
+        (json!({"uri": "data:,bricks"}), "image 0: it cannot be decoded ("),
+        (json!({"uri": "none.tga"}), "image 0: the file \"none.tga\" is missing: "),
+    ] {
+        let fixture = with_image(image);
+        let fixture = fixture.material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}));
+        std::fs::write(&path, fixture.json()).expect("a writable folder");
+        let report = load(&path).expect("a loadable file").report;
+        let [line] = &report.warnings[..] else { panic!("{:?}", report.warnings) };
+        assert!(line.starts_with(told) && line.ends_with(": a checkerboard is shown"), "{line}");
+        assert_eq!(line.contains("export it as PNG or JPEG"), !line.contains("missing"), "{line}");
+    }
+}
+
+#[test]
 fn a_jpeg_that_is_cut_off_becomes_a_checkerboard() {
     let mut whole = Cursor::new(Vec::new());
     let image = image::RgbImage::from_fn(16, 16, |x, y| image::Rgb([(x * 16) as u8, (y * 16) as u8, 90]));
@@ -338,6 +360,18 @@ fn a_readable_twin_stands_in_for_an_unreadable_image() {
     let imported = load(json!({"extensions": basis}));
     assert_eq!(imported.scene.textures[0].image.width, 8, "a checkerboard");
     assert!(imported.report.warnings[0].contains("KTX2"));
+}
+
+#[test]
+fn kinds_of_images_that_are_not_read_are_told_alike() {
+    let mut fixture = Fixture::triangle();
+    let kinds = ["EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds"];
+    fixture.root["extensionsUsed"] = json!(kinds);
+    let report = fixture.load().report;
+    assert_eq!(report.unsupported.len(), kinds.len(), "{:?}", report.unsupported);
+    for (line, kind) in report.unsupported.iter().zip(kinds) {
+        assert!(line.starts_with(kind) && line.contains("without a PNG or JPEG twin"), "{line}");
+    }
 }
 
 #[test]
