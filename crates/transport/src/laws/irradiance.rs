@@ -73,6 +73,22 @@ fn a_lamp_gives_its_candela_times_cosine_over_squared_distance() {
 }
 
 #[test]
+fn a_large_ground_with_a_gentle_slope_casts_no_shadow_on_sensors_that_lie_on_it() {
+    // A place on it is known more exactly than rays know where it is, whose corners are 150 m away.
+    let ground = quad(Vec3::new(-150.0, -0.1, 150.0), Vec3::new(300.0, 0.3, 0.0), Vec3::NEG_Z * 300.0);
+    let lamp = Vec3::new(100.0, 350.0, 900.0);
+    let stage = Stage::new(above()).surface("ground", &ground, lambert(0.5, 0.0)).lamp("lamp", lamp, 1e9);
+    let scene = stage.prepared();
+    let grid = on_table(&scene, "ground", [32, 32]);
+    let lux = sampled(&scene, Some(&IrradianceRows::Grid(grid.clone())), 1);
+    for (number, lux) in (0..).zip(lux) {
+        let to_lamp = lamp - grid.point(number).expect("every point of the ground is measured");
+        let known = f64::from(1e9 * to_lamp.dot(grid.normal) / to_lamp.length().powi(3));
+        assert!((lux - known).abs() < 1e-4 * known, "{lux} lx at point {number}, not {known}");
+    }
+}
+
+#[test]
 fn flat_lamps_of_a_look_bring_every_point_of_a_grid_what_their_parts_send() {
     const SIDE: usize = 128;
     let scene = Stage::new(above()).surface("table", &table(), lambert(0.5, 0.0)).prepared();
