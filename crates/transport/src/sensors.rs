@@ -12,6 +12,7 @@ use thiserror::Error;
 
 use crate::clearance::clearance;
 use crate::path::Receiver;
+use crate::prepared::PreparedScene;
 
 pub use plan::{IrradianceRequest, NodeGrid, OfFile, WorkPlane, floor_area_m2, node_floor_area_m2};
 
@@ -132,6 +133,11 @@ impl SensorGrid {
     pub(crate) fn receiver(&self, number: u32) -> Option<Receiver> {
         let clearance = clearance(self.u_edge, self.v_edge, self.u_edge.cross(self.v_edge));
         self.point(number).map(|position| Receiver::on_plane(position, self.normal, clearance))
+    }
+
+    /// Where rays to the front of a point begin, off a surface that it lies on; `None` if it is not measured.
+    fn lifted(&self, scene: &PreparedScene, number: u32) -> Option<Vec3> {
+        self.receiver(number).map(|receiver| receiver.origin(scene))
     }
 
     /// Whether the rest of the program can trust it.
