@@ -18,7 +18,7 @@ use crate::camera::{Camera, Film};
 use crate::empty::EmptyPixels;
 use crate::irradiance::IrradianceRows;
 use crate::light::{LightRig, luminance};
-use crate::path::{Deposit, Gathering, Integrator, Receiver, Scratch};
+use crate::path::{Deposit, Gathering, Integrator, Scratch};
 use crate::plan::MatrixPlan;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
@@ -324,8 +324,7 @@ impl<'a> TransportMatrix<'a> {
                 self.integrator.sample_seen_irradiance(ray, sampler, scratch, deposit);
             }
             IrradianceRows::Grid(grid) => {
-                let Some(position) = grid.point(number) else { return };
-                let receiver = Receiver::on_plane(position, grid.normal);
+                let Some(receiver) = grid.receiver(number) else { return };
                 self.integrator.sample_irradiance(&receiver, sampler, scratch, deposit);
             }
         }

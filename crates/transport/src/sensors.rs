@@ -10,6 +10,10 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::clearance::clearance;
+use crate::path::Receiver;
+use crate::prepared::PreparedScene;
+
 pub use plan::{IrradianceRequest, NodeGrid, OfFile, WorkPlane, floor_area_m2, node_floor_area_m2};
 
 /// Points of a rectangle, row by row: point (i, j), i along u, is number `j · size[0] + i`.
@@ -123,6 +127,17 @@ impl SensorGrid {
         let measured = number < nu * nv && self.left_out.binary_search(&number).is_err();
         let along = |nth: u32, n: u32| (nth as f32 + 0.5) / n as f32;
         measured.then(|| self.origin + self.u_edge * along(number % nu, nu) + self.v_edge * along(number / nu, nv))
+    }
+
+    /// What light arrives at there; `None` if it is not measured. A surface as large as the grid may lie in its plane.
+    pub(crate) fn receiver(&self, number: u32) -> Option<Receiver> {
+        let clearance = clearance(self.u_edge, self.v_edge, self.u_edge.cross(self.v_edge));
+        self.point(number).map(|position| Receiver::on_plane(position, self.normal, clearance))
+    }
+
+    /// Where rays to the front of a point begin, off a surface that it lies on; `None` if it is not measured.
+    fn lifted(&self, scene: &PreparedScene, number: u32) -> Option<Vec3> {
+        self.receiver(number).map(|receiver| receiver.origin(scene))
     }
 
     /// Whether the rest of the program can trust it.

@@ -97,10 +97,10 @@ impl Cells {
     }
 }
 
-/// Of a cell: 20 bits for each axis of its place, and which way it looks.
+/// Of a cell: 20 bits for each axis of its place, the lowest ones wherever the scene lies, and which way it looks.
 fn key((hit, normal): &Place, side: f32) -> u64 {
-    const HALF_RANGE: f32 = 524_288.0;
-    let of_axis = |x: f32| ((x / side).floor().clamp(-HALF_RANGE, HALF_RANGE - 1.0) + HALF_RANGE) as u64;
+    const RANGE: i64 = 1 << 20;
+    let of_axis = |x: f32| ((x / side).floor() as i64).rem_euclid(RANGE) as u64;
     let [x, y, z] = hit.position.to_array().map(of_axis);
     let axis = normal.abs().max_position();
     let looks = 2 * axis as u64 + u64::from(normal[axis] < 0.0);
@@ -123,5 +123,34 @@ impl Deposit for Scout {
     fn known(&mut self, at: &KnownAt<'_>) -> bool {
         self.found.push((*at.hit, at.normal));
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// On the floor.
+    fn place(position: Vec3) -> Place {
+        let normal = Vec3::Y;
+        let hit =
+            SurfaceHit { triangle: 0, t: 0.0, position, barycentric: Vec3::ZERO, normal, clearance: 0.0, extent: 1.0 };
+        (hit, normal)
+    }
+
+    #[test]
+    fn cells_are_no_longer_than_wide_far_from_the_origin() {
+        for moved in [Vec3::ZERO, Vec3::X * 3e5, Vec3::new(-4e5, 0.0, 5e5)] {
+            // 64 × 64 places an eighth of a meter apart, which are told apart there.
+            let at = |nth: u32| Vec3::new((nth % 64) as f32, 0.0, (nth / 64) as f32) * 0.125 + moved;
+            let found: Vec<Place> = (0..64 * 64).map(|nth| place(at(nth))).collect();
+            let side = Cells::fit(&found, 256).side;
+            let mut cells: HashMap<u64, Vec<Vec3>> = HashMap::new();
+            found.iter().for_each(|place| cells.entry(key(place, side)).or_default().push(place.0.position));
+            assert!((128..=256).contains(&cells.len()), "{} cells at {moved}", cells.len());
+            let lengths = cells.values().flat_map(|all| all.iter().map(move |at| at.distance(all[0])));
+            let longest = lengths.fold(0.0, f32::max);
+            assert!(longest < 1.5, "a cell is {longest} m long at {moved}");
+        }
     }
 }

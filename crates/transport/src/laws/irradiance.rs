@@ -73,6 +73,22 @@ fn a_lamp_gives_its_candela_times_cosine_over_squared_distance() {
 }
 
 #[test]
+fn a_large_ground_with_a_gentle_slope_casts_no_shadow_on_sensors_that_lie_on_it() {
+    // A place on it is known more exactly than rays know where it is, whose corners are 150 m away.
+    let ground = quad(Vec3::new(-150.0, -0.1, 150.0), Vec3::new(300.0, 0.3, 0.0), Vec3::NEG_Z * 300.0);
+    let lamp = Vec3::new(100.0, 350.0, 900.0);
+    let stage = Stage::new(above()).surface("ground", &ground, lambert(0.5, 0.0)).lamp("lamp", lamp, 1e9);
+    let scene = stage.prepared();
+    let grid = on_table(&scene, "ground", [32, 32]);
+    let lux = sampled(&scene, Some(&IrradianceRows::Grid(grid.clone())), 1);
+    for (number, lux) in (0..).zip(lux) {
+        let to_lamp = lamp - grid.point(number).expect("every point of the ground is measured");
+        let known = f64::from(1e9 * to_lamp.dot(grid.normal) / to_lamp.length().powi(3));
+        assert!((lux - known).abs() < 1e-4 * known, "{lux} lx at point {number}, not {known}");
+    }
+}
+
+#[test]
 fn flat_lamps_of_a_look_bring_every_point_of_a_grid_what_their_parts_send() {
     const SIDE: usize = 128;
     let scene = Stage::new(above()).surface("table", &table(), lambert(0.5, 0.0)).prepared();
@@ -213,7 +229,12 @@ fn block(half: f32, moved: Vec3) -> Vec<Vec3> {
 
 /// Size of a work plane 0.7 m above the floor with a point every half meter, and what it leaves out.
 fn work_plane(stage: Stage) -> ([u32; 2], Vec<u32>) {
-    let plane = WorkPlane { height_m: 0.7, spacing_m: Some(0.5), floor: None };
+    work_plane_at(0.7, stage)
+}
+
+/// The same at another height, m.
+fn work_plane_at(height_m: f32, stage: Stage) -> ([u32; 2], Vec<u32>) {
+    let plane = WorkPlane { height_m, spacing_m: Some(0.5), floor: None };
     let request = IrradianceRequest { work_planes: vec![plane], ..Default::default() };
     match request.rows(&stage.prepared()).expect("the room has a floor").remove(0) {
         IrradianceRows::Grid(grid) => (grid.size, grid.left_out),
@@ -235,6 +256,19 @@ fn points_inside_closed_bodies_are_left_out_though_all_is_double_sided() {
             let stage = Stage::new(above()).surface("walls", &room(Vec3::ONE), walls.clone());
             let stage = stage.surface("block", &block(0.5, moved), material.clone());
             assert_eq!(work_plane(stage), ([4, 4], left_out.to_vec()), "at {moved}, {}", material.double_sided);
+        }
+    }
+}
+
+#[test]
+fn a_work_plane_on_the_floor_leaves_out_what_stands_there_and_nothing_else() {
+    // Level, and as level as files round it: half of its points are below the floor then.
+    for rise in [0.0, 2e-6] {
+        let floor = quad(Vec3::new(-1.0, -1.0 - 0.5 * rise, 1.0), Vec3::new(2.0, rise, 0.0), Vec3::NEG_Z * 2.0);
+        for material in [lambert(0.5, 0.0), double_sided()] {
+            let stage = Stage::new(above()).surface("floor", &floor, material.clone());
+            let stage = stage.surface("block", &block(0.5, Vec3::NEG_Y * 0.5), material);
+            assert_eq!(work_plane_at(0.0, stage), ([4, 4], vec![5, 6, 9, 10]), "a rise of {rise} m");
         }
     }
 }

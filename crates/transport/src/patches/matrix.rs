@@ -15,7 +15,7 @@ use crate::camera::{Camera, Film};
 use crate::empty::EmptyPixels;
 use crate::irradiance::IrradianceRows;
 use crate::matrix::CHANNELS;
-use crate::path::{Integrator, Landing, NoLights, Receiver};
+use crate::path::{Integrator, Landing, NoLights};
 use crate::sampler::Sampler;
 use crate::streams::Stream;
 
@@ -67,9 +67,7 @@ impl PatchMatrix<'_> {
                 let ray = ray(&self.camera, self.film, pixel, &mut sampler);
                 self.integrator.seen_receiver(ray, &mut sampler)
             }
-            Some(IrradianceRows::Grid(grid)) => {
-                grid.point(pixel).map(|position| Receiver::on_plane(position, grid.normal))
-            }
+            Some(IrradianceRows::Grid(grid)) => grid.receiver(pixel),
         };
         let Some(receiver) = receiver else { return };
         for split in 0..SPLITS {

@@ -140,6 +140,10 @@ impl<P: LightPlan> Integrator<'_, P> {
     ) {
         let direction = cosine_around(normal, sampler.next_2d());
         let outward = hit.outward(normal);
+        // Below the surface itself there is nothing to gather, as for samples of the base; a walk would meet its own light there.
+        if direction.dot(outward) <= 0.0 {
+            return;
+        }
         let mut walk = Walk::from_camera(hit.origin(outward), direction);
         walk.guides = self.guides_onto(onto);
         walk.density = GATHERED;
@@ -265,6 +269,35 @@ mod tests {
             self.0 += 1;
             true
         }
+    }
+
+    /// How much light is found.
+    struct Found(f32);
+
+    impl Deposit for Found {
+        fn scattered(&mut self, _: u32, value: Vec3) {
+            self.0 += value.max_element();
+        }
+
+        fn seen(&mut self, column: u32, value: Vec3) {
+            self.scattered(column, value);
+        }
+    }
+
+    #[test]
+    fn where_normals_are_smooth_a_surface_gathers_none_of_its_own_light() {
+        let floor = quad(Vec3::new(-1.0, 0.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0);
+        let camera = Camera::look_at("eye", Vec3::Y, Vec3::ZERO, 1.0, 1.0);
+        let scene = Stage::new(camera).surface("floor", &floor, lambert(0.5, 1.0)).prepared();
+        let integrator = Integrator::new(&scene, &NoLights, None);
+        let at = integrator.gathering_surface((Vec3::new(0.1, 1.0, 0.2), Vec3::NEG_Y), &mut Sampler::new(1, 0, 0));
+        let (hit, normal) = at.expect("it sees the floor");
+        let (smooth, mut found, mut scratch) = ((normal + Vec3::X).normalize(), Found(0.0), Scratch::default());
+        for walk in 0..64 {
+            let mut sampler = Sampler::new(2, 0, walk);
+            integrator.gather_indirect((&hit, smooth, Onto::Pixel), &mut sampler, &mut scratch, &mut found);
+        }
+        assert_eq!(found.0, 0.0);
     }
 
     #[test]

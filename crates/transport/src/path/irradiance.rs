@@ -23,16 +23,16 @@ pub(crate) struct Receiver {
     pub outward: Vec3,
     /// Unit normal that cosines are taken against, on the same side.
     pub normal: Vec3,
-    /// See [`SurfaceHit::clearance`]; 0 where nothing stands at the point.
+    /// See [`SurfaceHit::clearance`]; of a point in space that of a surface that may lie there.
     pub clearance: f32,
     /// Extinction of the solid that light comes through to it, 1/m.
     pub extinction: Vec3,
 }
 
 impl Receiver {
-    /// A point where nothing stands, in a plane with a unit normal.
-    pub(crate) fn on_plane(position: Vec3, normal: Vec3) -> Receiver {
-        Receiver { position, outward: normal, normal, clearance: 0.0, extinction: Vec3::ZERO }
+    /// A point of a plane with a unit normal. A surface of some clearance may lie in that, m.
+    pub(crate) fn on_plane(position: Vec3, normal: Vec3, clearance: f32) -> Receiver {
+        Receiver { position, outward: normal, normal, clearance, extinction: Vec3::ZERO }
     }
 
     /// Where rays to its side begin.
@@ -41,7 +41,7 @@ impl Receiver {
         offset_origin(self.position + self.outward * clearance, self.outward, scene.extent())
     }
 
-    /// Its clearance, and where nothing stands at the point that of its coordinates.
+    /// Its clearance, and at least that of its coordinates.
     fn clearance_in(&self, scene: &PreparedScene) -> f32 {
         self.clearance.max(rounding(self.position, self.outward, scene.extent()))
     }

@@ -180,7 +180,7 @@ mod tests {
             // At right angles to the light, as far as rounding knows.
             let (u, v) = route.direction.any_orthonormal_pair();
             let (sin, cos) = (case as f32).sin_cos();
-            let receiver = Receiver::on_plane(position, (u * cos + v * sin).normalize());
+            let receiver = Receiver::on_plane(position, (u * cos + v * sin).normalize(), 0.0);
             let mut lux = Sum(Vec3::ZERO);
             integrator.sample_irradiance(&receiver, &mut sampler, &mut scratch, &mut lux);
             assert!((0.0..1e-3).contains(&lux.0.y), "case {case}: {} lx", lux.0.y);

@@ -26,12 +26,14 @@ pub(super) fn points_inside(scene: &PreparedScene, grid: &SensorGrid) -> BTreeSe
     let cameras = scene.scene.cameras.iter().map(|camera| camera.position());
     let inhabitants: Vec<Vec3> = cameras.chain(scene.scene.punctual.iter().map(|lamp| lamp.position)).collect();
     let mut inside = BTreeSet::new();
+    // A level plane on a floor is cut above the bottoms of what stands there.
+    let Some(Vec3 { y: height_m, .. }) = grid.lifted(scene, 0) else { return inside };
     for triangles in of_nodes.values() {
-        let cut = Cut::new(triangles, grid.origin.y);
+        let cut = Cut::new(triangles, height_m);
         if cut.contours.is_empty() {
             continue;
         }
-        let is_in = |number: &u32| grid.point(*number).is_some_and(|point| cut.surrounds(point));
+        let is_in = |number: &u32| grid.lifted(scene, *number).is_some_and(|point| cut.surrounds(point));
         let of_node: Vec<u32> = (0..grid.n_points() as u32).filter(is_in).collect();
         let is_room = || inhabitants.iter().any(|position| Cut::new(triangles, position.y).surrounds(*position));
         if !of_node.is_empty() && !is_room() {

@@ -128,10 +128,12 @@ fn work_plane(scene: &PreparedScene, plane: WorkPlane) -> Result<SensorGrid, Sen
     };
     grid.check()?;
     let all = 0..grid.n_points() as u32;
+    // Asked where rays begin: of a plane on the floor itself rounding brings points below it.
     let is_over = |point: Vec3| triangles.is_empty() || triangles.iter().any(|corners| is_below(corners, point));
     let stands = |point: Vec3| is_over(point) && stands_on_a_floor(scene, point);
     let inside = points_inside(scene, &grid);
-    let hangs = |number: &u32| inside.contains(number) || grid.point(*number).is_some_and(|point| !stands(point));
+    let hangs =
+        |number: &u32| inside.contains(number) || grid.lifted(scene, *number).is_some_and(|point| !stands(point));
     let left_out: Vec<u32> = all.filter(hangs).collect();
     // A scene whose floor is missing or turned round is measured all over.
     if left_out.len() < grid.n_points() {
