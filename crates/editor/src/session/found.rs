@@ -1,5 +1,6 @@
 //! The scene of a bake that was opened: looked for beside it, and open from then on where its lights are those of the bake.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -124,12 +125,14 @@ impl Shown {
     }
 }
 
-/// Whether a scene has the lights of a bake, in the same columns.
+/// Whether a scene has the lights of a bake, in whatever order: one that took columns over has its new lights behind the others.
 fn has_lights_of(scene: &LightBasis, baked: &LightBasis) -> bool {
-    let lights = |basis: &LightBasis| -> Vec<_> {
-        basis.sources.iter().map(|source| (source.key.clone(), source.kind, source.columns.clone())).collect()
-    };
     lights(scene) == lights(baked)
+}
+
+/// Lights by their key: what they are, and how many columns they have.
+fn lights(basis: &LightBasis) -> BTreeMap<&str, (SourceKind, usize)> {
+    basis.sources.iter().map(|source| (source.key.as_str(), (source.kind, source.columns.len()))).collect()
 }
 
 /// The scene of a bake from a file: what is not baked needs its surfaces. Its panels and its sky are those of the bake.
@@ -215,4 +218,23 @@ fn chosen_for(basis: &LightBasis) -> Chosen {
         }
     }
     chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::basis::LightSource;
+
+    use super::*;
+
+    #[test]
+    fn a_scene_has_the_lights_of_a_bake_that_has_them_in_another_order() {
+        let of = |keys: [&str; 2], kind: SourceKind| {
+            let sources = keys.map(|key| LightSource::plain(key, kind, 0..1));
+            LightBasis::new(sources.to_vec())
+        };
+        let scene = of(["lamp", "moved"], SourceKind::Point);
+        assert!(has_lights_of(&scene, &of(["moved", "lamp"], SourceKind::Point)));
+        assert!(!has_lights_of(&scene, &of(["moved", "lamp"], SourceKind::Spot)));
+        assert!(!has_lights_of(&scene, &of(["lamp", "another"], SourceKind::Point)));
+    }
 }
