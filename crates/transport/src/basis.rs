@@ -137,14 +137,29 @@ impl LightSource {
         Some(sum / texels.len() as f32 * self.origin.lumens?)
     }
 
-    /// Whether lights are the same. How bright unlit surfaces are is reckoned from the light of the file, on another machine maybe with
-    /// other rounding: that counts for nothing.
-    pub fn are_alike(a: &[LightSource], b: &[LightSource]) -> bool {
-        let is_alike = |(a, b): (&LightSource, &LightSource)| match a.kind {
-            SourceKind::Constant => LightSource { strength: b.strength, ..a.clone() } == *b,
-            _ => a == b,
+    /// Whether lights are the same in the same columns. How bright unlit surfaces are is reckoned from the light of the file, on another
+    /// machine maybe with other rounding: that counts for nothing.
+    pub(crate) fn are_alike(a: &[LightSource], b: &[LightSource]) -> bool {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.is_alike(b))
+    }
+
+    /// Whether lights are the same, but for how bright unlit surfaces are, in whatever order: a bake that took columns over from an earlier
+    /// one has its new lights behind the others.
+    pub fn are_alike_in_any_order(a: &[LightSource], b: &[LightSource]) -> bool {
+        let by_key: HashMap<&str, &LightSource> = b.iter().map(|source| (source.key.as_str(), source)).collect();
+        let is_there = |source: &LightSource| {
+            let moved = |other: &LightSource| LightSource { columns: other.columns.clone(), ..source.clone() };
+            let found = by_key.get(source.key.as_str()).filter(|other| other.columns.len() == source.columns.len());
+            found.is_some_and(|other| moved(other).is_alike(other))
         };
-        a.len() == b.len() && a.iter().zip(b).all(is_alike)
+        a.len() == b.len() && a.iter().all(is_there)
+    }
+
+    fn is_alike(&self, other: &LightSource) -> bool {
+        match self.kind {
+            SourceKind::Constant => LightSource { strength: other.strength, ..self.clone() } == *other,
+            _ => self == other,
+        }
     }
 }
 
@@ -433,6 +448,23 @@ mod tests {
         let columns: Vec<_> = basis.groups.iter().map(|g| g.columns.clone()).collect();
         assert_eq!(columns, [0..2, 2..18, 18..34]);
         assert_eq!(basis.sources[0].key, "a");
+    }
+
+    #[test]
+    fn lights_are_the_same_in_another_order_unless_one_of_them_is_not() {
+        let of = |lights: [(&str, SourceKind, u32); 3]| {
+            LightBasis::new(lights.map(|(key, kind, n)| source(key, kind, n)).to_vec()).sources
+        };
+        let [a, b, c] = [("a", SourceKind::Point, 1), ("b", SourceKind::Spot, 1), ("c", SourceKind::Emitter, 1)];
+        let (own, turned) = (of([a, b, c]), of([b, c, a]));
+        assert!(!LightSource::are_alike(&own, &turned) && LightSource::are_alike_in_any_order(&own, &turned));
+        let mut stronger = turned.clone();
+        stronger[2].strength *= 2.0;
+        let renamed = of([b, c, ("d", SourceKind::Point, 1)]);
+        let wider = of([b, c, ("a", SourceKind::Point, 2)]);
+        for other in [&stronger[..], &renamed[..], &turned[1..], &wider[..]] {
+            assert!(!LightSource::are_alike_in_any_order(&own, other), "{other:?}");
+        }
     }
 
     #[test]

@@ -275,6 +275,12 @@ impl Lighting {
         basis.spots.clone_from(&self.basis.spots);
         basis.spots.retain(|key, _| basis.sources.iter().any(|source| source.key == *key));
         basis.muted.clone_from(&self.basis.muted);
+        self.in_columns_of(basis, sources)
+    }
+
+    /// Its lights in the columns of a basis that is made of them: `sources` are their indices in its own `basis.sources`, in the order in
+    /// which they stand there.
+    pub(crate) fn in_columns_of(&self, basis: LightBasis, sources: &[usize]) -> Lighting {
         let emitters = sources.iter().map(|&source| self.emitters[source].clone()).collect();
         let place = |source: &u32| {
             let place = sources.iter().position(|&kept| kept == *source as usize);

@@ -11,6 +11,7 @@ use crate::light::LightRig;
 use crate::matrix::CHANNELS;
 use crate::reach::is_beyond;
 use crate::skips::Skip;
+use crate::sky::dome_columns;
 
 /// Errors in dB below the columns' peaks: 10·log10(pk² / mean ΔT²) over all entries outside the sparse part.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -47,7 +48,8 @@ pub struct Skipped {
     pub closed_sky_columns: usize,
     /// Columns of lamps and panels that cannot light what is seen.
     pub dark_lamp_columns: usize,
-    /// Connections that all these columns and patches would have taken at first vertices alone, one for each and sample.
+    /// Connections that all these columns (of a sky those of its patches) and patches would have taken at first vertices alone, one for
+    /// each and sample.
     pub connections_saved: f64,
     /// Share of the later connections that was left to roulette, in a few pixels.
     pub weak_connections: f32,
@@ -193,6 +195,16 @@ impl ErrorDb {
     }
 }
 
+/// Columns of a light that first vertices connect to: of a sky its patches alone, not those of its map and of what is seen of it, and none of
+/// what is only met.
+fn n_connected(source: &LightSource) -> usize {
+    match source.kind {
+        SourceKind::Sky | SourceKind::Constant | SourceKind::Image => 0,
+        SourceKind::Dome { divisions } => source.columns.len().min(dome_columns(divisions) as usize - 2),
+        _ => source.columns.len(),
+    }
+}
+
 impl BakeConfig {
     /// The method, if its own form is no pair of factors and a bake holds what it makes of each block in full.
     pub fn reconstruction(&self) -> Option<Reconstruction> {
@@ -290,10 +302,12 @@ impl Bake {
         let asked_for: &[f64] = if header.ended_by_time { &[] } else { &taken };
         // Columns that were taken over come first. Those among them that nobody connects to would have taken no connection.
         let is_reused = |source: &LightSource| source.columns.end <= spared.reused_columns;
+        let connected = |sources: &[&LightSource]| sources.iter().map(|source| n_connected(source)).sum::<usize>();
+        let reused: Vec<&LightSource> = header.basis.sources.iter().filter(|source| is_reused(source)).collect();
         let reused_dark: Vec<&LightSource> = closed.iter().chain(&lamps).copied().filter(|s| is_reused(s)).collect();
-        let is_reused_dome = |s: &LightSource| matches!(s.kind, SourceKind::Dome { .. }) && is_reused(s);
-        let reused_unseen = if header.basis.sources.iter().any(is_reused_dome) { unseen } else { 0 };
-        let reused_and_lit = (spared.reused_columns as usize).saturating_sub(columns(&reused_dark) + reused_unseen);
+        let has_reused_dome = reused.iter().any(|source| matches!(source.kind, SourceKind::Dome { .. }));
+        let reused_unseen = if has_reused_dome { unseen } else { 0 };
+        let reused_and_lit = connected(&reused).saturating_sub(connected(&reused_dark) + reused_unseen);
         let samples_per_pixel = share * f64::from(full);
         let n_pixels = f64::from(header.width) * f64::from(header.height);
         // A pixel that sees nothing has no first vertex.
@@ -302,7 +316,7 @@ impl Bake {
         Skipped {
             closed_sky_columns,
             dark_lamp_columns,
-            connections_saved: saved((closed_sky_columns + dark_lamp_columns + unseen) as f64),
+            connections_saved: saved((connected(&closed) + connected(&lamps) + unseen) as f64),
             weak_connections: spared.weak_connections,
             empty_pixels: spared.empty_pixels as usize,
             camera_rays_saved: (samples_per_pixel * f64::from(spared.empty_pixels)).round(),

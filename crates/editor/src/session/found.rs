@@ -1,5 +1,6 @@
 //! The scene of a bake that was opened: looked for beside it, and open from then on where its lights are those of the bake.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -13,7 +14,6 @@ use clerestory_transport::import;
 use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::{FacetScattering, PunctualLight, Scene};
-use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::SkySetting;
 use clerestory_transport::stop::Stop;
 
@@ -124,18 +124,20 @@ impl Shown {
     }
 }
 
-/// Whether a scene has the lights of a bake, in the same columns.
+/// Whether a scene has the lights of a bake, in whatever order: one that took columns over has its new lights behind the others.
 fn has_lights_of(scene: &LightBasis, baked: &LightBasis) -> bool {
-    let lights = |basis: &LightBasis| -> Vec<_> {
-        basis.sources.iter().map(|source| (source.key.clone(), source.kind, source.columns.clone())).collect()
-    };
     lights(scene) == lights(baked)
+}
+
+/// Lights by their key: what they are, and how many columns they have.
+fn lights(basis: &LightBasis) -> BTreeMap<&str, (SourceKind, usize)> {
+    basis.sources.iter().map(|source| (source.key.as_str(), (source.kind, source.columns.len()))).collect()
 }
 
 /// The scene of a bake from a file: what is not baked needs its surfaces. Its panels and its sky are those of the bake.
 fn scene_of(header: &BakeHeader, path: PathBuf, stop: &Stop) -> Result<FoundScene> {
     anyhow::ensure!(path.is_file(), "{} is not there", path.display());
-    let mut scene = import::load_until(&path, Skips::default(), stop)?.scene;
+    let mut scene = import::load_until(&path, header.skips, stop)?.scene;
     let lamps = scene.punctual.clone();
     let (camera, alike) = as_baked(header, &mut scene).with_context(|| {
         let what = what_differs(header);
@@ -151,7 +153,7 @@ fn scene_of(header: &BakeHeader, path: PathBuf, stop: &Stop) -> Result<FoundScen
         Alike::Surfaces => Chosen::default(),
     };
     let sky = chosen.sky.as_ref().and_then(ChosenSky::request);
-    let prepared = PreparedScene::until(scene, &chosen.panels, sky.as_ref(), Skips::default(), stop);
+    let prepared = PreparedScene::until(scene, &chosen.panels, sky.as_ref(), header.skips, stop);
     let (scene, _) = prepared.context("its lights cannot be used")?;
     Ok(FoundScene { scene: Box::new(scene), camera, path: absolute(&path), lamps, chosen, alike })
 }
@@ -215,4 +217,52 @@ fn chosen_for(basis: &LightBasis) -> Chosen {
         }
     }
     chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::bake::{BakeConfig, BakeJob};
+    use clerestory_transport::basis::LightSource;
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::skips::Skips;
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::support::{ROOM, room_job};
+
+    /// A single texel.
+    const IMAGE: &str = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNkYPhfDwAChwGA60e6kgAAAABJRU5ErkJggg==";
+
+    #[test]
+    fn the_scene_of_a_bake_is_read_with_what_that_left_out_and_no_more() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("room.gltf");
+        let mut gltf: Value = serde_json::from_str(ROOM).unwrap();
+        // Its factor is 0, so that nobody needs it.
+        gltf["materials"][0]["emissiveTexture"] = json!({ "index": 0 });
+        (gltf["images"], gltf["textures"]) = (json!([{ "uri": IMAGE }]), json!([{ "source": 0 }]));
+        std::fs::write(&path, gltf.to_string()).unwrap();
+        let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
+        let room = room_job(Film { width: 20, height: 16 }, config);
+        for skips in [Skips::none(), Skips::default()] {
+            let scene = import::load_with(&path, skips).unwrap().scene;
+            assert_eq!(scene.textures.is_empty(), skips.is_all());
+            let scene = Arc::new(PreparedScene::with_skips(scene, &[], None, skips).unwrap().0);
+            let header = BakeJob { scene, ..room.clone() }.header().unwrap();
+            let found = scene_of(&header, path.clone(), &Stop::default()).unwrap();
+            assert_eq!((found.alike, found.scene.skips), (Alike::Whole(LampUnits::Photometric), skips));
+        }
+    }
+
+    #[test]
+    fn a_scene_has_the_lights_of_a_bake_that_has_them_in_another_order() {
+        let of = |keys: [&str; 2], kind: SourceKind| {
+            let sources = keys.map(|key| LightSource::plain(key, kind, 0..1));
+            LightBasis::new(sources.to_vec())
+        };
+        let scene = of(["lamp", "moved"], SourceKind::Point);
+        assert!(has_lights_of(&scene, &of(["moved", "lamp"], SourceKind::Point)));
+        assert!(!has_lights_of(&scene, &of(["moved", "lamp"], SourceKind::Spot)));
+        assert!(!has_lights_of(&scene, &of(["lamp", "another"], SourceKind::Point)));
+    }
 }

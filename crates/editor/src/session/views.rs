@@ -129,7 +129,7 @@ impl Session {
                 && shown.camera.as_ref().is_some_and(|own| sees_alike(own, camera))
                 && (shown.film(), &header.config) == (settings.film, &settings.config)
                 && shown.pixel_irradiance().is_some() == settings.illuminance
-                && LightSource::are_alike(&header.basis.sources, &scene.lighting.basis.sources)
+                && LightSource::are_alike_in_any_order(&header.basis.sources, &scene.lighting.basis.sources)
         };
         settings.work_plane.is_none()
             && self.shown.iter().chain(self.views.kept.iter().map(|kept| &kept.shown)).any(is_it)
@@ -160,7 +160,7 @@ impl Session {
         self.shown.as_ref().is_some_and(|shown| {
             (shown.film() == job.film || shown.is_glimpse)
                 && shown.camera.as_ref().is_some_and(|own| sees_alike(own, &job.camera))
-                && LightSource::are_alike(&shown.header.basis.sources, &job.scene.lighting.basis.sources)
+                && LightSource::are_alike_in_any_order(&shown.header.basis.sources, &job.scene.lighting.basis.sources)
         })
     }
 
@@ -243,11 +243,37 @@ fn is_same_view(a: &Shown, b: &Shown) -> bool {
         (None, None) => a.header.camera == b.header.camera,
         _ => false,
     };
-    let have_same_lights = LightSource::are_alike(&a.header.basis.sources, &b.header.basis.sources);
+    let have_same_lights = LightSource::are_alike_in_any_order(&a.header.basis.sources, &b.header.basis.sources);
     sees_it && (a.film() == b.film() || a.is_glimpse) && have_same_lights
 }
 
 /// Whether two cameras see the same, whatever they are called.
 pub fn sees_alike(a: &Camera, b: &Camera) -> bool {
     (a.world_from_camera, a.yfov_rad, a.shift) == (b.world_from_camera, b.yfov_rad, b.shift)
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_relight::Frame;
+    use clerestory_transport::bake::{BakeConfig, BakeHeader};
+    use clerestory_transport::basis::{LightBasis, SourceKind};
+
+    use super::*;
+    use crate::support::room_job;
+
+    #[test]
+    fn a_bake_that_has_its_lights_in_another_order_is_of_the_same_view() {
+        let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
+        let header = room_job(Film { width: 20, height: 16 }, config).header().unwrap();
+        let shown = |keys: [&str; 2]| {
+            let sources = keys.map(|key| LightSource::plain(key, SourceKind::Point, 0..1));
+            let header = BakeHeader { basis: LightBasis::new(sources.to_vec()), ..header.clone() };
+            let frame = Frame { width: header.width, height: header.height, groups: Vec::new() };
+            let (header, frame) = (Arc::new(header), Arc::new(frame));
+            Shown { header, camera: None, frame, irradiance: Vec::new(), packed: None, is_glimpse: false }
+        };
+        let own = shown(["lamp", "moved"]);
+        assert!(is_same_view(&own, &shown(["moved", "lamp"])));
+        assert!(!is_same_view(&own, &shown(["lamp", "another"])));
+    }
 }

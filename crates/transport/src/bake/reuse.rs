@@ -105,10 +105,8 @@ impl BakeJob {
             (0..basis.sources.len()).filter(|new| pairs.iter().all(|(_, kept)| kept != new)).collect();
         let same_rows = |rows: &IrradianceRows| earlier.header.irradiance.iter().position(|set| set.rows == *rows);
         let sets: Vec<Option<usize>> = self.irradiance.iter().map(same_rows).collect();
-        let n_earlier = earlier.header.basis.sources.len();
-        let has_same_columns =
-            fresh.is_empty() && pairs.len() == n_earlier && pairs.iter().all(|(earlier, own)| earlier == own);
-        if sets.contains(&None) && !has_same_columns {
+        let has_same_lights = fresh.is_empty() && pairs.len() == earlier.header.basis.sources.len();
+        if sets.contains(&None) && !has_same_lights {
             return Err(NothingKept::Irradiance);
         }
         let of_sets = sets.iter().map(|set| set.map(|set| &earlier.irradiance[set]));
@@ -279,16 +277,17 @@ impl Reuse {
         if matrix == 0 { Some(0) } else { self.sets[matrix - 1].map(|set| 1 + set) }
     }
 
-    /// The job of a bake that adds rows of irradiance, its columns in the groups that they have in the earlier one: lamps that were added
-    /// to that have a group of their own.
+    /// The job of a bake that adds rows of irradiance, its columns in the order and the groups that they have in the earlier one: lamps that
+    /// were added to that, or moved in it, stand behind the others and have a group of their own.
     pub(crate) fn regrouped(&self, job: BakeJob) -> BakeJob {
-        let mut groups = self.earlier.header.basis.groups.clone();
-        groups.retain(|group| group.kind != ColumnKind::Patch);
-        if groups == job.scene.lighting.basis.groups {
+        let mut basis = self.header_with(None).basis;
+        basis.groups.retain(|group| group.kind != ColumnKind::Patch);
+        if basis == job.scene.lighting.basis {
             return job;
         }
+        let order: Vec<usize> = self.parts.iter().flat_map(|part| &part.sources).map(|&(_, of_job)| of_job).collect();
         let mut scene = Arc::unwrap_or_clone(job.scene);
-        scene.lighting.basis.groups = groups;
+        scene.lighting = scene.lighting.in_columns_of(basis, &order);
         BakeJob { scene: Arc::new(scene), ..job }
     }
 

@@ -509,6 +509,23 @@ fn rows_of_irradiance_come_to_a_bake_to_which_a_lamp_was_added() {
     assert_eq!(std::fs::read(&path).expect("it was written"), bytes_of(&added));
 }
 
+#[test]
+fn rows_of_irradiance_come_to_a_bake_whose_lights_stand_in_another_order_than_in_the_scene() {
+    let dark = |scene: Scene| BakeJob { irradiance: Vec::new(), ..job(scene) };
+    let (picture, n_traced) = rebaked(dark(scene(lower_a_lamp)), &baked(dark(scene(|_| {}))));
+    assert_eq!((n_traced, &picture.header.basis.sources.last().expect("it is there").key[..]), (1, "left"));
+    let again = || job(scene(lower_a_lamp));
+    let (added, n_traced) = rebaked(again(), &picture);
+    assert!(n_traced == 0 && added.groups == picture.groups && added.irradiance.len() == 1);
+    let whole = baked(again());
+    let lux = |bake: &Bake, key: &str| column(bake, 1, key).iter().map(|lux| f64::from(*lux)).sum::<f64>();
+    for key in OLD {
+        // Walks connect to them in another order: that is other noise, and no more.
+        let (found, wanted) = (lux(&added, key), lux(&whole, key));
+        assert!(wanted > 0.0 && (found - wanted).abs() < 0.02 * wanted, "{key}: {found} instead of {wanted}");
+    }
+}
+
 /// What a bake of what is new told until it was stopped after so many blocks.
 fn half_done(job: BakeJob, reuse: &Reuse, n_blocks: usize) -> HalfDone {
     let (mut header, mut blocks) = (None, Vec::new());

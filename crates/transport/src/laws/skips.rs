@@ -246,6 +246,15 @@ fn the_sky_over_a_closed_room_is_not_connected_to_and_nothing_changes() {
 }
 
 #[test]
+fn of_a_sky_connections_to_its_patches_are_saved_and_no_others() {
+    let scene = prepared(&closed_room(DIM, false).prepared().scene, Some(SkyForm::Patches(1)), Skips::default());
+    let skipped = baked(scene, 4, 20.0).figures().skipped;
+    // All four samples are taken. Its map and what is seen of it have a column each, too.
+    let n_patches = skipped.closed_sky_columns - 2;
+    assert_eq!((n_patches, skipped.connections_saved), (290, 4.0 * 290.0 * FILM.n_pixels() as f64));
+}
+
+#[test]
 fn a_room_with_the_least_hole_keeps_its_sky() {
     let open = prepared(&closed_room(0.6, true).prepared().scene, Some(SkyForm::Whole), Skips::default());
     assert!(dark(&open).is_empty(), "half a wall is missing");
