@@ -2,7 +2,7 @@
 //! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [--into DIR] [SECTION]…`
 //!
-//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room`, `paper-room`, `matrix-panel`, `lamps-others` and `lamps-living-room` where their scenes are, `peers` where another renderer is), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
+//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room`, `paper-room`, `matrix`, `matrix-panel`, `lamps-others` and `lamps-living-room` where their scenes are, `peers` where another renderer is), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
 //! it is finished by the same program on the same machine. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
@@ -252,6 +252,7 @@ fn can_be_measured(desk: &Desk, section: &Section) -> bool {
         lamps::OTHERS => lamps::has_others(desk),
         lamps::LIVING_ROOM => lamps::has_living_room(desk),
         conference::NAME => conference::has_room(desk),
+        "matrix" => matrix::has_scenes(desk),
         matrix::PANEL => matrix::has_panel(desk),
         peers::NAME => {
             let missing = peers::missing(desk);
@@ -282,6 +283,30 @@ mod tests {
         assert_eq!(names[..of_time.len()], of_time, "the same of other scenes");
         assert!([time::MIRRORS, time::MIXED, time::LIVING_ROOM].iter().all(|name| !IN_A_HURRY.contains(name)));
         assert!(!TOTALS.iter().any(|total| names.contains(total)), "the last line is no section");
+    }
+
+    #[test]
+    fn sections_none_of_whose_scenes_is_there_stay_as_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let desk = Desk::new(true, Some(folder.path())).unwrap().without_shared();
+        let measured: Vec<&str> = SECTIONS
+            .iter()
+            .filter(|section| section.name != hardware::NAME && can_be_measured(&desk, section))
+            .map(|section| section.name)
+            .collect();
+        let of_others = [
+            time::OTHERS,
+            time::LIVING_ROOM,
+            conference::NAME,
+            peers::NAME,
+            "matrix",
+            matrix::PANEL,
+            lamps::OTHERS,
+            lamps::LIVING_ROOM,
+        ];
+        assert!(of_others.iter().all(|name| !measured.contains(name)), "{measured:?}");
+        assert_eq!(measured.len(), SECTIONS.len() - of_others.len() - 1, "all others have scenes of their own");
+        assert!(matrix::write(&desk).unwrap_err().to_string().contains("CLERESTORY_SHARED"));
     }
 
     #[test]
