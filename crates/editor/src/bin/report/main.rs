@@ -197,13 +197,15 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
         desk.finish(section.name)?;
     }
     let path = desk.pages.join("benchmarks.md");
+    // Before anything is measured for it.
+    Page::read(&path)?;
     let total_mark = desk.choose(TOTALS[0], TOTALS[1]);
     let shown = || known().chain([total_mark]);
     for section in SECTIONS.iter().filter(asked) {
         // Section by section, so that a later one that fails costs nothing of an earlier one.
         let text = measured(section)?;
         let text = format!("{}\n\n{}", desk.provenance(section.name)?, text.trim_end());
-        let mut page = Page::parse(&std::fs::read_to_string(&path).unwrap_or_default());
+        let mut page = Page::read(&path)?;
         page.put(section.name, text);
         put(&path, &page.text(shown()))?;
         desk.finish(section.name)?;
@@ -215,7 +217,7 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
         let missing: Vec<&str> = wanted.filter(|name| !done.contains(name)).collect();
         let total = total_words(desk.quick, [secs, earlier_secs], &missing);
         complain(&total);
-        let mut page = Page::parse(&std::fs::read_to_string(&path).unwrap_or_default());
+        let mut page = Page::read(&path)?;
         page.put(total_mark, format!("*{total}*"));
         put(&path, &page.text(shown()))?;
     }
@@ -264,7 +266,7 @@ fn can_be_measured(desk: &Desk, section: &Section) -> bool {
 }
 
 fn put(path: &Path, page: &str) -> Result<()> {
-    std::fs::write(path, page).with_context(|| format!("cannot write {}", path.display()))?;
+    clerestory::output::write_whole(path, page.as_bytes())?;
     complain(&format!("wrote {}", path.display()));
     Ok(())
 }
