@@ -9,6 +9,7 @@
 //! folder, so that a check leaves the pages as they are.
 
 mod ablations;
+mod arguments;
 mod bakes;
 mod budgets;
 mod built;
@@ -48,12 +49,14 @@ mod time;
 mod under_way;
 mod yardstick;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
+use clap::Parser;
 
+use arguments::Arguments;
 use desk::Desk;
 use page::Page;
 use paper::conference;
@@ -131,8 +134,12 @@ const HURRY_SECS: f64 = 300.0;
 const TOTALS: [&str; 2] = ["total", "total-full"];
 
 fn main() -> ExitCode {
-    let args: Vec<String> = std::env::args().skip(1).collect();
-    match answered(args) {
+    let Arguments { sections, quick, into, grow } = Arguments::parse();
+    let done = match grow {
+        Some(bench) => growth::one(&bench).map(|taken| answer(&taken)),
+        None => report(quick, into.as_deref(), &sections),
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             complain(&format!("report: {error:#}"));
@@ -141,24 +148,14 @@ fn main() -> ExitCode {
     }
 }
 
-/// Does what was asked: a report, or one bake of a section that measures each in a process of its own.
-#[expect(clippy::print_stdout, reason = "the section reads it")]
-fn answered(args: Vec<String>) -> Result<()> {
-    if let [growth::ONE, bench] = args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        println!("{}", growth::one(bench)?);
-        return Ok(());
-    }
-    let (mut quick, mut pages, mut names) = (false, None, Vec::new());
-    let mut args = args.into_iter();
-    while let Some(arg) = args.next() {
-        match arg.as_str() {
-            "--quick" => quick = true,
-            "--into" => pages = Some(PathBuf::from(args.next().context("--into needs a folder")?)),
-            flag if flag.starts_with("--") => anyhow::bail!("no option `{flag}`; there are --quick and --into DIR"),
-            _ => names.push(arg),
-        }
-    }
-    report(quick, pages.as_deref(), &names)
+/// Names of all sections in the order of the page, those of pages that are written by hand last.
+fn section_names() -> impl Iterator<Item = &'static str> {
+    SECTIONS.iter().chain(OWN_PAGES.iter().map(|(_, section)| section)).map(|section| section.name)
+}
+
+#[expect(clippy::print_stdout, reason = "the section that asked for one bake reads it")]
+fn answer(taken: &str) {
+    println!("{taken}");
 }
 
 #[expect(clippy::print_stderr, reason = "this binary speaks to people")]
@@ -167,10 +164,6 @@ fn complain(words: &str) {
 }
 
 fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
-    let known = || SECTIONS.iter().chain(OWN_PAGES.iter().map(|(_, section)| section)).map(|section| section.name);
-    if let Some(name) = names.iter().find(|name| !known().any(|known| known == name.as_str())) {
-        anyhow::bail!("no section `{name}`; there are: {}", known().collect::<Vec<_>>().join(", "));
-    }
     let desk = Desk::new(quick, pages)?;
     let asked = |section: &&Section| match names {
         [] if desk.quick => IN_A_HURRY.contains(&section.name) && can_be_measured(&desk, section),
@@ -200,7 +193,7 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
     // Before anything is measured for it.
     Page::read(&path)?;
     let total_mark = desk.choose(TOTALS[0], TOTALS[1]);
-    let shown = || known().chain([total_mark]);
+    let shown = || section_names().chain([total_mark]);
     for section in SECTIONS.iter().filter(asked) {
         // Section by section, so that a later one that fails costs nothing of an earlier one.
         let text = measured(section)?;
@@ -213,7 +206,7 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
     let secs = begun.elapsed().as_secs_f64();
     complain(&format!("all sections took {secs:.0} s in this run"));
     if names.is_empty() {
-        let wanted = known().filter(|name| !desk.quick || IN_A_HURRY.contains(name));
+        let wanted = section_names().filter(|name| !desk.quick || IN_A_HURRY.contains(name));
         let missing: Vec<&str> = wanted.filter(|name| !done.contains(name)).collect();
         let total = total_words(desk.quick, [secs, earlier_secs], &missing);
         complain(&total);
