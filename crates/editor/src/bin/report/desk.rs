@@ -26,6 +26,8 @@ pub struct Desk {
     pub pages: PathBuf,
     /// Small pictures and few samples.
     pub quick: bool,
+    /// The folder of the shared data, if one is named.
+    shared: Option<PathBuf>,
     /// What is kept between runs.
     kept: Kept,
     /// A hash of the files that sections read and of the program that they call.
@@ -63,14 +65,16 @@ impl Desk {
         std::fs::create_dir_all(&scratch).with_context(|| format!("cannot make the folder {}", scratch.display()))?;
         let pages = pages.map_or_else(|| root.join("docs"), Path::to_path_buf);
         std::fs::create_dir_all(&pages).with_context(|| format!("cannot make the folder {}", pages.display()))?;
+        let shared = std::env::var_os("CLERESTORY_SHARED").map(PathBuf::from);
         Ok(Desk {
-            inputs: hash_of_files(inputs(&root))?,
+            inputs: hash_of_files(inputs(&root, shared.as_deref()))?,
             commit: commit(&root).unwrap_or_default(),
             earlier_secs: Mutex::new(0.0),
             references: Mutex::default(),
             root,
             pages,
             quick,
+            shared,
             kept: Kept::of_user()?,
             scratch,
             begun_at: Mutex::new(Instant::now()),
@@ -91,7 +95,14 @@ impl Desk {
 
     /// A file of the shared data, if there is such data.
     pub fn shared(&self, path: &str) -> Option<PathBuf> {
-        shared_folder().map(|folder| folder.join(path)).filter(|path| path.exists())
+        self.shared.as_ref().map(|folder| folder.join(path)).filter(|path| path.exists())
+    }
+
+    /// The same where there is no such data.
+    #[cfg(test)]
+    pub fn without_shared(mut self) -> Desk {
+        self.shared = None;
+        self
     }
 
     /// Says on the terminal what is being measured.
@@ -257,15 +268,10 @@ impl Drop for Desk {
     }
 }
 
-/// The folder of the shared data, if one is named.
-fn shared_folder() -> Option<PathBuf> {
-    std::env::var_os("CLERESTORY_SHARED").map(PathBuf::from)
-}
-
 /// What sections read and call beside this program, as far as it is there.
-fn inputs(root: &Path) -> Vec<PathBuf> {
+fn inputs(root: &Path, shared: Option<&Path>) -> Vec<PathBuf> {
     let of_shared = ["scenes", "references", "env", "matrices"];
-    let shared = shared_folder().into_iter().flat_map(|folder| of_shared.map(|name| folder.join(name)));
+    let shared = shared.into_iter().flat_map(|folder| of_shared.map(|name| folder.join(name)));
     let own = ["assets", "scripts/peers.py"].map(|path| root.join(path));
     own.into_iter().chain(shared).chain(program()).filter(|path| path.exists()).collect()
 }

@@ -17,9 +17,11 @@ pub fn quantile(mut values: Vec<f64>) -> f64 {
     *values.select_nth_unstable_by((last as f64 * PEAK_QUANTILE) as usize, f64::total_cmp).1
 }
 
-/// A mean square in dB below a peak.
+/// A mean square in dB below a peak; minus infinity where one of both is no number.
 pub fn decibels(peak: f64, mean_square: f64) -> f64 {
-    (10.0 * (peak * peak / mean_square.max(f64::MIN_POSITIVE)).log10()).min(BEST_DB)
+    let db = 10.0 * (peak * peak / mean_square.max(f64::MIN_POSITIVE)).log10();
+    // Of a number and what is none `min` and `max` take the number: it would pass for no error at all.
+    if db.is_nan() || mean_square.is_nan() { f64::NEG_INFINITY } else { db.min(BEST_DB) }
 }
 
 /// A sum, that of the squares, and how many went into it.
@@ -51,9 +53,10 @@ impl Sum {
     }
 
     /// The mean, or its standard error where that is greater: what is known of something that is not negative, but that its estimates
-    /// scatter around.
+    /// scatter around. Infinity where one of them is no number.
     pub fn mean_at_least_known(&self) -> f64 {
-        self.mean().max(self.standard_error())
+        let mean = self.mean();
+        if mean.is_nan() { f64::INFINITY } else { mean.max(self.standard_error()) }
     }
 
     /// Whether the standard error is the greater of both.
@@ -218,6 +221,20 @@ mod tests {
         // Scattered around less than nothing: 2 over the root of 16.
         let scattered: Vec<f64> = (0..16).map(|i| if i % 2 == 0 { 1.0 } else { -3.0 }).collect();
         assert_eq!(mean(&scattered), (-1.0, 0.5));
+    }
+
+    #[test]
+    fn what_is_no_number_is_no_small_error() {
+        let mut sum = Sum::default();
+        [0.1, f64::NAN].into_iter().for_each(|value| sum.add(value));
+        assert_eq!((sum.mean_at_least_known(), sum.is_noise()), (f64::INFINITY, false));
+        let dbs =
+            [[1.0, f64::NAN], [1.0, f64::INFINITY], [f64::NAN, 1e-3]].map(|[peak, square]| decibels(peak, square));
+        assert_eq!(dbs, [f64::NEG_INFINITY; 3]);
+        assert_eq!(decibels(1.0, 0.0), BEST_DB);
+        let squares = [1e-3, f64::NAN, 1e-2].map(|square| [square; 2]).to_vec();
+        let errors = ColumnErrors { squares, are_bounds: vec![false; 3] };
+        assert_eq!((errors.worst(), errors.worst_db()), (Some(1), f64::NEG_INFINITY));
     }
 
     #[test]

@@ -208,11 +208,12 @@ fn repeated(bench: Bench, turns: usize) -> Result<Vec<Taken>> {
     Ok(taken)
 }
 
-/// What the report is asked in the process that bakes one bench: its memory and its time are those of this bake alone.
-pub const ONE: &str = "--grow";
+/// The option of the report in the process that bakes one bench: its memory and its time are those of this bake alone.
+pub const ONE: &str = "grow";
 
 fn in_own_process(bench: Bench) -> Result<Taken> {
-    let told = Command::new(std::env::current_exe()?).arg(ONE).arg(serde_json::to_string(&bench)?).output()?;
+    let told =
+        Command::new(std::env::current_exe()?).arg(format!("--{ONE}")).arg(serde_json::to_string(&bench)?).output()?;
     ensure!(told.status.success(), "a bake failed: {}", String::from_utf8_lossy(&told.stderr));
     serde_json::from_slice(&told.stdout).context("a bake of its own process told no JSON")
 }

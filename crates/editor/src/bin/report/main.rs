@@ -2,13 +2,14 @@
 //! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [--into DIR] [SECTION]…`
 //!
-//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room`, `paper-room`, `matrix-panel`, `lamps-others` and `lamps-living-room` where their scenes are, `peers` where another renderer is), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
+//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware, `time-others`, `time-living-room`, `paper-room`, `matrix`, `matrix-panel`, `lamps-others` and `lamps-living-room` where their scenes are, `peers` where another renderer is), in a hurry those of [`IN_A_HURRY`], which aims at under five minutes on two cores; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
 //! it is finished by the same program on the same machine. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
 //! folder, so that a check leaves the pages as they are.
 
 mod ablations;
+mod arguments;
 mod bakes;
 mod budgets;
 mod built;
@@ -48,12 +49,14 @@ mod time;
 mod under_way;
 mod yardstick;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
+use clap::Parser;
 
+use arguments::Arguments;
 use desk::Desk;
 use page::Page;
 use paper::conference;
@@ -131,8 +134,12 @@ const HURRY_SECS: f64 = 300.0;
 const TOTALS: [&str; 2] = ["total", "total-full"];
 
 fn main() -> ExitCode {
-    let args: Vec<String> = std::env::args().skip(1).collect();
-    match answered(args) {
+    let Arguments { sections, quick, into, grow } = Arguments::parse();
+    let done = match grow {
+        Some(bench) => growth::one(&bench).map(|taken| answer(&taken)),
+        None => report(quick, into.as_deref(), &sections),
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             complain(&format!("report: {error:#}"));
@@ -141,24 +148,14 @@ fn main() -> ExitCode {
     }
 }
 
-/// Does what was asked: a report, or one bake of a section that measures each in a process of its own.
-#[expect(clippy::print_stdout, reason = "the section reads it")]
-fn answered(args: Vec<String>) -> Result<()> {
-    if let [growth::ONE, bench] = args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        println!("{}", growth::one(bench)?);
-        return Ok(());
-    }
-    let (mut quick, mut pages, mut names) = (false, None, Vec::new());
-    let mut args = args.into_iter();
-    while let Some(arg) = args.next() {
-        match arg.as_str() {
-            "--quick" => quick = true,
-            "--into" => pages = Some(PathBuf::from(args.next().context("--into needs a folder")?)),
-            flag if flag.starts_with("--") => anyhow::bail!("no option `{flag}`; there are --quick and --into DIR"),
-            _ => names.push(arg),
-        }
-    }
-    report(quick, pages.as_deref(), &names)
+/// Names of all sections in the order of the page, those of pages that are written by hand last.
+fn section_names() -> impl Iterator<Item = &'static str> {
+    SECTIONS.iter().chain(OWN_PAGES.iter().map(|(_, section)| section)).map(|section| section.name)
+}
+
+#[expect(clippy::print_stdout, reason = "the section that asked for one bake reads it")]
+fn answer(taken: &str) {
+    println!("{taken}");
 }
 
 #[expect(clippy::print_stderr, reason = "this binary speaks to people")]
@@ -167,10 +164,6 @@ fn complain(words: &str) {
 }
 
 fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
-    let known = || SECTIONS.iter().chain(OWN_PAGES.iter().map(|(_, section)| section)).map(|section| section.name);
-    if let Some(name) = names.iter().find(|name| !known().any(|known| known == name.as_str())) {
-        anyhow::bail!("no section `{name}`; there are: {}", known().collect::<Vec<_>>().join(", "));
-    }
     let desk = Desk::new(quick, pages)?;
     let asked = |section: &&Section| match names {
         [] if desk.quick => IN_A_HURRY.contains(&section.name) && can_be_measured(&desk, section),
@@ -197,13 +190,15 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
         desk.finish(section.name)?;
     }
     let path = desk.pages.join("benchmarks.md");
+    // Before anything is measured for it.
+    Page::read(&path)?;
     let total_mark = desk.choose(TOTALS[0], TOTALS[1]);
-    let shown = || known().chain([total_mark]);
+    let shown = || section_names().chain([total_mark]);
     for section in SECTIONS.iter().filter(asked) {
         // Section by section, so that a later one that fails costs nothing of an earlier one.
         let text = measured(section)?;
         let text = format!("{}\n\n{}", desk.provenance(section.name)?, text.trim_end());
-        let mut page = Page::parse(&std::fs::read_to_string(&path).unwrap_or_default());
+        let mut page = Page::read(&path)?;
         page.put(section.name, text);
         put(&path, &page.text(shown()))?;
         desk.finish(section.name)?;
@@ -211,11 +206,11 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
     let secs = begun.elapsed().as_secs_f64();
     complain(&format!("all sections took {secs:.0} s in this run"));
     if names.is_empty() {
-        let wanted = known().filter(|name| !desk.quick || IN_A_HURRY.contains(name));
+        let wanted = section_names().filter(|name| !desk.quick || IN_A_HURRY.contains(name));
         let missing: Vec<&str> = wanted.filter(|name| !done.contains(name)).collect();
         let total = total_words(desk.quick, [secs, earlier_secs], &missing);
         complain(&total);
-        let mut page = Page::parse(&std::fs::read_to_string(&path).unwrap_or_default());
+        let mut page = Page::read(&path)?;
         page.put(total_mark, format!("*{total}*"));
         put(&path, &page.text(shown()))?;
     }
@@ -252,6 +247,7 @@ fn can_be_measured(desk: &Desk, section: &Section) -> bool {
         lamps::OTHERS => lamps::has_others(desk),
         lamps::LIVING_ROOM => lamps::has_living_room(desk),
         conference::NAME => conference::has_room(desk),
+        "matrix" => matrix::has_scenes(desk),
         matrix::PANEL => matrix::has_panel(desk),
         peers::NAME => {
             let missing = peers::missing(desk);
@@ -263,7 +259,7 @@ fn can_be_measured(desk: &Desk, section: &Section) -> bool {
 }
 
 fn put(path: &Path, page: &str) -> Result<()> {
-    std::fs::write(path, page).with_context(|| format!("cannot write {}", path.display()))?;
+    clerestory::output::write_whole(path, page.as_bytes())?;
     complain(&format!("wrote {}", path.display()));
     Ok(())
 }
@@ -282,6 +278,30 @@ mod tests {
         assert_eq!(names[..of_time.len()], of_time, "the same of other scenes");
         assert!([time::MIRRORS, time::MIXED, time::LIVING_ROOM].iter().all(|name| !IN_A_HURRY.contains(name)));
         assert!(!TOTALS.iter().any(|total| names.contains(total)), "the last line is no section");
+    }
+
+    #[test]
+    fn sections_none_of_whose_scenes_is_there_stay_as_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let desk = Desk::new(true, Some(folder.path())).unwrap().without_shared();
+        let measured: Vec<&str> = SECTIONS
+            .iter()
+            .filter(|section| section.name != hardware::NAME && can_be_measured(&desk, section))
+            .map(|section| section.name)
+            .collect();
+        let of_others = [
+            time::OTHERS,
+            time::LIVING_ROOM,
+            conference::NAME,
+            peers::NAME,
+            "matrix",
+            matrix::PANEL,
+            lamps::OTHERS,
+            lamps::LIVING_ROOM,
+        ];
+        assert!(of_others.iter().all(|name| !measured.contains(name)), "{measured:?}");
+        assert_eq!(measured.len(), SECTIONS.len() - of_others.len() - 1, "all others have scenes of their own");
+        assert!(matrix::write(&desk).unwrap_err().to_string().contains("CLERESTORY_SHARED"));
     }
 
     #[test]

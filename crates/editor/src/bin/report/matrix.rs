@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Indirect, Passes};
 use clerestory_transport::basis::{LightBasis, SourceKind};
 use clerestory_transport::camera::Film;
@@ -62,8 +62,9 @@ const KINDS: [&str; 2] = ["with fixed samples", "to a tolerance"];
 /// Bakes each scene with several sample counts and measures every column.
 ///
 /// # Errors
-/// If a scene cannot be loaded or baked, or this system does not tell the CPU time of a process.
+/// If none of its scenes is here, one cannot be loaded or baked, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
+    ensure!(has_scenes(desk), "its scenes lie in the folder that CLERESTORY_SHARED names, and are not there");
     let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (FULL_FILM, 4));
     let (samples, spp): (&[u32], u32) = desk.choose((&[4, 16], 16), (&[4, 16, 64], 128));
     let to_tolerance = desk.choose(&[][..], &[(64, 26.0), (64, 28.0), (64, 34.0), (64, 38.0)]);
@@ -71,7 +72,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     let sampling = Sampling { film, step, bounces: BOUNCES, spp };
     let mut scenes = String::new();
     for (name, peers, peers_secs) in SCENES {
-        let Some(path) = desk.shared(&format!("references/{name}.glb")) else { continue };
+        let Some(path) = path_of(desk, name) else { continue };
         scenes += &desk.part("matrix", name, || scene(desk, (name, None, peers_secs), &path, sampling, &asked))?;
         scenes += &quoted(desk, peers)?;
     }
@@ -91,6 +92,15 @@ pub fn write(desk: &Desk) -> Result<String> {
         SEEDS[0],
         desk.load_words(),
     ))
+}
+
+/// Whether any of the scenes of [`write()`] is here: without them the page keeps what was measured elsewhere.
+pub fn has_scenes(desk: &Desk) -> bool {
+    SCENES.iter().any(|(name, ..)| path_of(desk, name).is_some())
+}
+
+fn path_of(desk: &Desk, name: &str) -> Option<PathBuf> {
+    desk.shared(&format!("references/{name}.glb"))
 }
 
 /// The same of a panel that is divided into many columns.

@@ -1,6 +1,10 @@
 //! The page as a map from sections to their text, so that a section can be written without the others.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
+use std::path::Path;
+
+use anyhow::{Context, Result};
 
 /// Texts of sections by name.
 #[derive(Debug, Default, PartialEq)]
@@ -43,15 +47,31 @@ fn end(name: &str) -> String {
 }
 
 impl Page {
+    /// The page of a file; an empty one where there is no file yet.
+    ///
+    /// # Errors
+    /// If it cannot be read, or as [`Page::parse`]: what is not understood is not written over.
+    pub fn read(path: &Path) -> Result<Page> {
+        match std::fs::read_to_string(path) {
+            Ok(text) => Page::parse(&text).with_context(|| format!("cannot add to {}", path.display())),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(Page::default()),
+            Err(error) => Err(error).with_context(|| format!("cannot read {}", path.display())),
+        }
+    }
+
     /// What lies between the marks of a page; text outside of them is the head, which is always the same.
-    pub fn parse(text: &str) -> Page {
+    ///
+    /// # Errors
+    /// If a section has lost the mark at its end, or the end of that at its start: its text would be lost, too.
+    pub fn parse(text: &str) -> Result<Page> {
         let mut sections = BTreeMap::new();
         for part in text.split("<!-- section ").skip(1) {
-            let Some((name, rest)) = part.split_once(" -->") else { continue };
-            let Some((body, _)) = rest.split_once(&end(name)) else { continue };
+            let (name, rest) = part.split_once(" -->").context("a section has lost the end of its mark, `-->`")?;
+            let lost = || format!("the section {name} has lost its last line, `{}`: put it back", end(name));
+            let (body, _) = rest.split_once(&end(name)).with_context(lost)?;
             sections.insert(name.to_string(), body.trim().to_string());
         }
-        Page { sections }
+        Ok(Page { sections })
     }
 
     /// Replaces the text of a section.
@@ -88,12 +108,29 @@ mod tests {
     }
 
     #[test]
+    fn a_page_that_is_not_understood_is_no_empty_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("benchmarks.md");
+        assert_eq!(Page::read(&path).unwrap(), Page::default(), "there is none yet");
+        let mut page = Page::default();
+        page.put("bakes", "## Bakes".into());
+        let text = page.text(["bakes"].into_iter());
+        std::fs::write(&path, &text).unwrap();
+        assert_eq!(Page::read(&path).unwrap(), page);
+        std::fs::write(&path, text.replace("<!-- end of bakes -->", "")).unwrap();
+        let told = format!("{:#}", Page::read(&path).unwrap_err());
+        assert!(told.contains("benchmarks.md") && told.contains("the section bakes has lost its last line"), "{told}");
+        std::fs::write(&path, b"# Benchmarks \xff").unwrap();
+        assert!(format!("{:#}", Page::read(&path).unwrap_err()).starts_with("cannot read"), "no text");
+    }
+
+    #[test]
     fn a_section_is_replaced_and_the_others_stay() {
         let mut page = Page::default();
         page.put("rays", "## Rays\n\n| a | b |".into());
         page.put("bakes", "## Bakes\n\n1 dB".into());
         let written = page.text(["bakes", "matrix", "rays"].into_iter());
-        let mut again = Page::parse(&written);
+        let mut again = Page::parse(&written).unwrap();
         assert_eq!(again, page);
         again.put("bakes", "## Bakes\n\n2 dB".into());
         let rewritten = again.text(["bakes", "matrix", "rays"].into_iter());

@@ -39,7 +39,7 @@ pub struct Panel {
     pub x: Axis,
     /// Up.
     pub y: Axis,
-    /// What is drawn, the first undermost.
+    /// What is drawn, the first uppermost.
     pub series: Vec<Series>,
 }
 
@@ -50,6 +50,12 @@ const MARGIN: [f64; 4] = [54.0, 26.0, 14.0, 42.0];
 /// Length of a mark on an axis that is not told.
 const SHORT: f64 = 5.0;
 const MOST_ACROSS: usize = 3;
+/// Radius of a mark, and where series may cover each other of the uppermost: each that lies below is larger by a step, so that of points
+/// in one place all are seen.
+const RADIUS: f64 = 3.0;
+const UPPERMOST_RADIUS: f64 = 2.2;
+const RADIUS_STEP: f64 = 0.5;
+const LARGEST_RADIUS: f64 = 5.2;
 const LEGEND_ROW: f64 = 18.0;
 const LEGEND_ENTRY: f64 = 186.0;
 const LEGEND_LETTERS: usize = 30;
@@ -82,7 +88,7 @@ pub fn figure(panels: &[Panel]) -> String {
     for (nth, name) in names.iter().enumerate() {
         let [x, y] =
             [12.0 + (nth % per_row) as f64 * LEGEND_ENTRY, legend_top + ((nth / per_row) as f64 + 0.5) * LEGEND_ROW];
-        svg += &mark(nth, [x + 4.0, y]);
+        svg += &mark(nth, [x + 4.0, y], RADIUS);
         svg += &text([x + 14.0, y + 4.0], "start", 11.0, &shortened(name));
     }
     svg + "</svg>\n"
@@ -178,7 +184,7 @@ fn drawn(panel: &Panel, [left, top]: [f64; 2], names: &[&str]) -> String {
         "<text x=\"{at_x:.1}\" y=\"{at_y:.1}\" transform=\"rotate(-90 {at_x:.1} {at_y:.1})\" text-anchor=\"middle\" font-size=\"11\" {FONT}>{}</text>",
         escaped(panel.y.label)
     );
-    for series in &panel.series {
+    for (depth, series) in panel.series.iter().enumerate().rev() {
         let nth = names.iter().position(|name| *name == series.name).unwrap_or(0);
         let points: Vec<[f64; 2]> = series.points.iter().filter_map(|p| Some([x.of(p[0])?, y.of(p[1])?])).collect();
         if series.is_joined && points.len() > 1 {
@@ -190,7 +196,8 @@ fn drawn(panel: &Panel, [left, top]: [f64; 2], names: &[&str]) -> String {
                 path.join(" ")
             );
         }
-        points.iter().for_each(|point| svg += &mark(nth, *point));
+        let radius = radius(depth, panel.y.scale, series.is_joined);
+        points.iter().for_each(|point| svg += &mark(nth, *point, radius));
         if panel.y.scale == Scale::Order
             && let Some([_, y]) = points.first()
         {
@@ -200,15 +207,38 @@ fn drawn(panel: &Panel, [left, top]: [f64; 2], names: &[&str]) -> String {
     svg
 }
 
-/// A disk, a square or a diamond: names beyond the colors differ by shape.
-fn mark(nth: usize, [x, y]: [f64; 2]) -> String {
+/// Of the marks of a series below so many others; alike where each has a place of its own, and least where no line joins them, as they are
+/// many then.
+fn radius(depth: usize, scale: Scale, is_joined: bool) -> f64 {
+    match (scale, is_joined) {
+        (Scale::Order, _) => RADIUS,
+        (_, false) => UPPERMOST_RADIUS,
+        (_, true) => (UPPERMOST_RADIUS + RADIUS_STEP * depth as f64).min(LARGEST_RADIUS),
+    }
+}
+
+/// A disk, a square or a diamond of about a radius: names beyond the colors differ by shape.
+fn mark(nth: usize, [x, y]: [f64; 2], radius: f64) -> String {
     let color = COLORS[nth % COLORS.len()];
     match nth / COLORS.len() {
-        0 => format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{color}\"/>\n"),
+        0 => format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\" fill=\"{color}\"/>\n"),
         1 => {
-            format!("<rect x=\"{:.1}\" y=\"{:.1}\" width=\"5.6\" height=\"5.6\" fill=\"{color}\"/>\n", x - 2.8, y - 2.8)
+            let half = 0.93 * radius;
+            format!(
+                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"{color}\"/>\n",
+                x - half,
+                y - half,
+                2.0 * half,
+                2.0 * half
+            )
         }
-        _ => format!("<path d=\"M {x:.1} {:.1} l 3.8 3.8 l -3.8 3.8 l -3.8 -3.8 z\" fill=\"{color}\"/>\n", y - 3.8),
+        _ => {
+            let half = 1.27 * radius;
+            format!(
+                "<path d=\"M {x:.1} {:.1} l {half:.1} {half:.1} l -{half:.1} {half:.1} l -{half:.1} -{half:.1} z\" fill=\"{color}\"/>\n",
+                y - half
+            )
+        }
     }
 }
 
@@ -260,6 +290,23 @@ mod tests {
             Place::new(Scale::Linear, [20.0, 40.0].into_iter(), [0.0, 1.0]).ticks(),
             [20.0, 25.0, 30.0, 35.0, 40.0]
         );
+    }
+
+    #[test]
+    fn the_first_of_points_in_one_place_lies_above_and_the_others_show_around_it() {
+        let axis = |scale: Scale| Axis { label: "dB", scale };
+        let series = |name: &str, is_joined: bool| Series { name: name.into(), points: vec![[1.0, 2.0]], is_joined };
+        let radii = |scale: Scale| {
+            let series = vec![series("ours", true), series("theirs", true), series("others", false)];
+            let panel = Panel { title: String::new(), x: axis(Scale::Linear), y: axis(scale), series };
+            let svg = figure(&[panel]);
+            let circles = svg.lines().filter(|line| line.starts_with("<circle"));
+            // Behind those of the panel come those of the legend.
+            let radius = |line: &str| line.split_once(" r=\"")?.1.split_once('"').map(|(radius, _)| radius.to_string());
+            circles.take(3).map(|line| radius(line).expect("a circle has a radius")).collect::<Vec<String>>()
+        };
+        assert_eq!(radii(Scale::Linear), ["2.2", "2.7", "2.2"], "others first, ours last");
+        assert_eq!(radii(Scale::Order), ["3.0"; 3], "each has a place of its own");
     }
 
     #[test]

@@ -166,7 +166,7 @@ impl Reference {
                 }
             }
             let squares = sums.map(|sum| sum.mean_at_least_known() / (peak * peak));
-            (peak > 0.0).then_some((squares, sums[0].is_noise()))
+            self.is_lit(column).then_some((squares, sums[0].is_noise()))
         };
         let errors: Vec<([f64; 2], bool)> = columns.par_iter().filter_map(column).collect();
         let (squares, are_bounds) = errors.into_iter().unzip();
@@ -175,7 +175,12 @@ impl Reference {
 
     /// The column that one of [`Reference::errors`] is of: columns that light nothing have none.
     pub fn column_of(&self, nth: usize) -> Option<usize> {
-        (0..self.n_cols).filter(|&column| self.peaks[column] > 0.0).nth(nth)
+        (0..self.n_cols).filter(|&column| self.is_lit(column)).nth(nth)
+    }
+
+    /// Whether a column lights anything; one whose peak is no number is not left out.
+    fn is_lit(&self, column: usize) -> bool {
+        self.peaks[column] > 0.0 || self.peaks[column].is_nan()
     }
 
     /// The light of all columns together in rows that are laid out as the reference's, but for the entries that are left out of its
@@ -510,6 +515,24 @@ mod tests {
         let seen = vec![false, true, false, false];
         let reference = Reference { n_cols: 2, pixels: vec![0, 1], halves, seen, peaks: vec![2.0, 0.5] };
         assert_eq!(reference.light(&rows), 3.0 * 3.5);
+    }
+
+    #[test]
+    fn rows_and_references_with_what_is_no_number_are_as_bad_as_can_be() {
+        let (pixels, halves) = ((0..10).collect(), [vec![2.0; 30], vec![2.0; 30]]);
+        let seen = vec![false; 10];
+        let mut reference = Reference { n_cols: 1, pixels, halves, seen, peaks: vec![2.0] };
+        let rows = vec![2.0f32; 30];
+        let mut broken = rows.clone();
+        broken[7] = f32::NAN;
+        let dbs = |reference: &Reference, rows: &[f32]| {
+            [Some(reference.errors(rows).worst_db()), reference.picture_db(&[[1.0; 3]], rows)]
+        };
+        assert_eq!(dbs(&reference, &broken), [Some(f64::NEG_INFINITY); 2]);
+        reference.halves[0][7] = f32::NAN;
+        reference.peaks[0] = f64::NAN;
+        assert_eq!(dbs(&reference, &rows), [Some(f64::NEG_INFINITY); 2]);
+        assert_eq!(reference.column_of(0), Some(0), "it is not left out");
     }
 
     #[test]

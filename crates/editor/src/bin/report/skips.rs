@@ -279,7 +279,7 @@ fn psnr_db(picture: &[f32], reference: &[f32]) -> Option<f64> {
     let peak = quantile(reference.iter().copied().map(f64::from).collect());
     let square = |(a, b): (&f32, &f32)| f64::from(a - b).powi(2);
     let mean = picture.iter().zip(reference).map(square).sum::<f64>() / reference.len() as f64;
-    (mean > 0.0).then(|| decibels(peak, mean))
+    (mean != 0.0).then(|| decibels(peak, mean))
 }
 
 #[cfg(test)]
@@ -330,5 +330,7 @@ mod tests {
         let off: Vec<f32> = reference.iter().map(|x| x + 0.02).collect();
         assert_eq!(psnr_db(&reference, &reference), None);
         assert!((psnr_db(&off, &reference).expect("they differ") - 40.0).abs() < 1e-3);
+        let broken: Vec<f32> = [f32::NAN].into_iter().chain(off[1..].iter().copied()).collect();
+        assert_eq!(psnr_db(&broken, &reference), Some(f64::NEG_INFINITY), "no number is not the same");
     }
 }

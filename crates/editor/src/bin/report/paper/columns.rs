@@ -38,7 +38,8 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
             let words: Vec<String> = curve.iter().map(told).collect();
             rows += &format!("| {name} | {noise_db:.1} | `{method}` | {} |\n", words.join(" | "));
         }
-        let series = METHODS.iter().zip(&curves).map(|(&method, curve)| Series {
+        // Ours is the last of them, and uppermost.
+        let series = METHODS.iter().zip(&curves).rev().map(|(&method, curve)| Series {
             name: if method == Method::Projected { "ours".into() } else { method.to_string() },
             points: RANKS.iter().zip(curve).filter_map(|(&rank, db)| Some([rank as f64, middle(db)?])).collect(),
             is_joined: true,
