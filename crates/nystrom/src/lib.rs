@@ -60,6 +60,7 @@ pub mod compress;
 mod cosine;
 pub mod denoise;
 mod dense;
+pub mod enlarge;
 pub mod factors;
 mod fit;
 mod growth;
@@ -99,6 +100,7 @@ pub use compress::{
     compress_block, compress_by,
 };
 pub use denoise::{Denoiser, Likeness};
+pub use enlarge::{Tellers, enlarged};
 pub use factors::{BlockError, BlockFactors};
 pub use landmarks::{Landmarks, Selection};
 pub use low_rank::BlockLowRank;

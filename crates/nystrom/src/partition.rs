@@ -34,6 +34,17 @@ impl Partition {
         [x, y, self.tile.min(self.width - x), self.tile.min(self.height - y)]
     }
 
+    /// The block that a bundle lies in, and its number there; `None` of what lies beyond the grid.
+    pub fn place(&self, bundle: u32) -> Option<(usize, u32)> {
+        let (x, y) = (bundle.checked_rem(self.width)?, bundle.checked_div(self.width)?);
+        if y >= self.height {
+            return None;
+        }
+        let block = (y / self.tile * self.tiles_x() + x / self.tile) as usize;
+        let [left, top, width, _] = self.rect(block);
+        Some((block, (y - top) * width + x - left))
+    }
+
     /// A block and those around it.
     pub fn around(&self, block_idx: usize) -> impl Iterator<Item = usize> {
         let (across, down) = (self.tiles_x() as usize, self.tiles_y() as usize);

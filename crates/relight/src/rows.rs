@@ -3,7 +3,7 @@
 use std::borrow::Borrow;
 use std::collections::BTreeMap;
 
-use clerestory_nystrom::{BlockFactors, BlockLowRank, Partition};
+use clerestory_nystrom::{BlockFactors, BlockLowRank};
 
 /// The mean over some pixels of the matrix' rows: per group and column what a coefficient of 1 in each channel brings to
 /// that channel. The picture's mean over these pixels is the sum over columns of this times the coefficient.
@@ -22,7 +22,7 @@ pub fn weighed_row<G: Borrow<BlockLowRank>>(
     let partition = &groups.first()?.borrow().partition;
     let mut blocks: BTreeMap<usize, Vec<(u32, f32)>> = BTreeMap::new();
     for (pixel, weight) in pixels {
-        let (block, within) = place(partition, pixel)?;
+        let (block, within) = partition.place(pixel)?;
         blocks.entry(block).or_default().push((within, weight));
     }
     let sum_of = |group: &BlockLowRank| {
@@ -33,17 +33,6 @@ pub fn weighed_row<G: Borrow<BlockLowRank>>(
         Some(row)
     };
     (!blocks.is_empty()).then(|| groups.iter().map(|group| sum_of(group.borrow())).collect()).flatten()
-}
-
-/// The block that a pixel lies in, and its number there.
-pub fn place(partition: &Partition, pixel: u32) -> Option<(usize, u32)> {
-    let (x, y) = (pixel % partition.width, pixel / partition.width);
-    if y >= partition.height {
-        return None;
-    }
-    let block = (y / partition.tile * partition.tiles_x() + x / partition.tile) as usize;
-    let [left, top, width, _] = partition.rect(block);
-    Some((block, (y - top) * width + x - left))
 }
 
 /// Adds the weighted rows of some pixels of a block: left factors are summed first, so that right ones are read once.

@@ -7,7 +7,6 @@ use std::sync::Arc;
 
 use clerestory_nystrom::BlockLowRank;
 use clerestory_relight::mean_row;
-use clerestory_relight::rows::place;
 use clerestory_transport::light::{LightRig, luminance};
 use clerestory_transport::sky::Backdrop;
 use glam::Vec3;
@@ -132,7 +131,7 @@ impl Shown {
         if let Some(backdrop) = Backdrop::new(&self.header, rig) {
             let group = groups[backdrop.group].to_mut();
             let mut blocks: Vec<usize> =
-                pixels.iter().filter_map(|pixel| Some(place(&group.partition, *pixel)?.0)).collect();
+                pixels.iter().filter_map(|pixel| Some(group.partition.place(*pixel)?.0)).collect();
             blocks.sort_unstable();
             blocks.dedup();
             let mut bundles = Vec::new();
