@@ -6,6 +6,7 @@
 mod clock;
 mod denoise;
 mod ending;
+mod enlarge;
 pub mod estimate;
 #[cfg(test)]
 mod floor;
@@ -252,6 +253,9 @@ pub enum Passes {
     /// somebody who watches.
     #[default]
     Progressive,
+    /// The same preview, of what pixels show at their centers: for somebody who leaves when it is there, as others will be told by them
+    /// ([`BakeJob::enlarged`]).
+    FirstLook,
     /// A preview, then all samples.
     PreviewAndFinal,
     /// All samples at once.
@@ -660,7 +664,8 @@ impl BakeJob {
     ) -> TransportMatrix<'a> {
         let BakeConfig { bounces, seed, .. } = self.config;
         let matrix = TransportMatrix::new(&self.scene, plan, self.camera.clone(), self.film, bounces, seed);
-        matrix.with_empty_pixels(empty).watched(focus)
+        let matrix = matrix.with_empty_pixels(empty).watched(focus);
+        if self.passes == Passes::FirstLook { matrix.of_centers() } else { matrix }
     }
 
     /// The matrix of a bake, its columns scaled as its header says, and the pixels that see nothing.
@@ -771,7 +776,7 @@ impl BakeJob {
             Passes::Again => vec![None, Some(all)],
             _ if !from_scratch => vec![Some(all)],
             Passes::Progressive if all >= 32 => vec![None, Some(all / 16), Some(all)],
-            Passes::Progressive | Passes::PreviewAndFinal => vec![None, Some(all)],
+            Passes::Progressive | Passes::FirstLook | Passes::PreviewAndFinal => vec![None, Some(all)],
             Passes::FinalOnly => vec![Some(all)],
         }
     }

@@ -18,6 +18,8 @@ use crate::streams::Stream;
 
 /// Looks at each pixel.
 const LOOKS: u32 = 4;
+/// One at its center.
+const AT_CENTER: u32 = 1;
 /// Mirrors and panes that a look passes at most.
 const MOST_MIRRORS: usize = 8;
 /// Streams of random numbers that nobody else uses.
@@ -41,6 +43,19 @@ pub(crate) struct Guides {
     /// How far a neighbor's place is at least, m.
     extents: Vec<f32>,
     gains: Vec<[f32; CHANNELS]>,
+    /// The light that a pixel shows, as far as its last look tells.
+    lights: Vec<Option<LightSeen>>,
+}
+
+/// A light that a pixel shows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LightSeen {
+    /// Its column.
+    pub column: u32,
+    /// What comes from it for a coefficient of 1: white radiance, tinted on the way.
+    pub radiance: Vec3,
+    /// Whether it is seen straight, but for clear panes: then there is no other way, and no more of it.
+    pub is_straight: bool,
 }
 
 /// The mean of all looks at a pixel.
@@ -54,9 +69,12 @@ struct Pixel {
     shining: f32,
     /// Share of looks that meet a surface.
     solid: f32,
+    /// The light that the last one sees.
+    light: Option<LightSeen>,
 }
 
-/// One look: the place where it ends, the first normal, the color on the way and there, and whether it sees a light first.
+/// One look: the place where it ends, the first normal, the color on the way and there, whether it sees a light first, and the last
+/// light that it sees.
 #[derive(Clone, Copy, Default)]
 struct Look {
     place: Vec3,
@@ -64,6 +82,7 @@ struct Look {
     color: Vec3,
     shining: f32,
     solid: f32,
+    light: Option<LightSeen>,
 }
 
 impl Guides {
@@ -74,30 +93,97 @@ impl Guides {
         film: Film,
         goes_on: &(dyn Fn() -> bool + Sync),
     ) -> Option<Guides> {
-        let row =
-            |y: u32| goes_on().then(|| (0..film.width).map(|x| looks(scene, camera, film, [x, y])).collect::<Vec<_>>());
+        Self::of_looks(LOOKS, (scene, camera), film, goes_on)
+    }
+
+    /// The same from a look at the center of each pixel alone.
+    pub fn at_centers(
+        scene: &PreparedScene,
+        camera: &Camera,
+        film: Film,
+        goes_on: &(dyn Fn() -> bool + Sync),
+    ) -> Option<Guides> {
+        Self::of_looks(AT_CENTER, (scene, camera), film, goes_on)
+    }
+
+    fn of_looks(
+        n_looks: u32,
+        (scene, camera): (&PreparedScene, &Camera),
+        film: Film,
+        goes_on: &(dyn Fn() -> bool + Sync),
+    ) -> Option<Guides> {
+        let at = |x: u32, y: u32| looks(n_looks, (scene, camera), film, [x, y]);
+        let row = |y: u32| goes_on().then(|| (0..film.width).map(|x| at(x, y)).collect::<Vec<_>>());
         let rows: Option<Vec<_>> = (0..film.height).into_par_iter().map(row).collect();
         let (pixels, gains): (Vec<Pixel>, Vec<_>) = rows?.into_iter().flatten().unzip();
-        let width = film.width as usize;
-        let extent = |(at, pixel): (usize, &Pixel)| {
-            let (x, y) = (at % width, at / width);
-            let beside = [(x > 0).then(|| at - 1), (x + 1 < width).then(|| at + 1)];
-            let above = [(y > 0).then(|| at - width), (y + 1 < film.height as usize).then(|| at + width)];
-            let near = beside.into_iter().chain(above).flatten();
-            let distances = near.map(|other| pixels[other].place.distance(pixel.place));
+        let extent = |pixel: usize| {
+            let distances = beside(film, pixel).map(|other| pixels[other].place.distance(pixels[pixel].place));
             distances.fold(f32::INFINITY, f32::min).min(1e9)
         };
-        let extents = pixels.iter().enumerate().map(extent).collect();
+        let extents = (0..pixels.len()).map(extent).collect();
+        Some(Guides::of_pixels(&pixels, gains, extents))
+    }
+
+    /// From one look at each of some points of the film, all of them in pixels of these numbers, which these guides are of.
+    pub fn at_points(
+        &self,
+        (scene, camera): (&PreparedScene, &Camera),
+        film: Film,
+        points: &[(u32, Vec2)],
+        goes_on: &(dyn Fn() -> bool + Sync),
+    ) -> Option<Guides> {
+        let at = |(nth, (_, film_px)): (usize, &(u32, Vec2))| {
+            goes_on().then(|| {
+                let mut sampler = Sampler::new(0, STREAM + nth as u64, 0);
+                of_looks([look(scene, (camera.position(), camera.direction(film, *film_px)), &mut sampler)])
+            })
+        };
+        let looked: Option<Vec<_>> = points.par_iter().enumerate().map(at).collect();
+        let (pixels, gains): (Vec<Pixel>, Vec<_>) = looked?.into_iter().unzip();
+        let extents = points.iter().map(|(pixel, _)| self.extents[*pixel as usize]).collect();
+        Some(Guides::of_pixels(&pixels, gains, extents))
+    }
+
+    fn of_pixels(pixels: &[Pixel], gains: Vec<[f32; CHANNELS]>, extents: Vec<f32>) -> Guides {
         let compared = std::array::from_fn(|nth| pixels.iter().map(|pixel| pixel.compared()[nth]).collect());
-        Some(Guides { compared, extents, gains })
+        let lights = pixels.iter().map(|pixel| pixel.light).collect();
+        Guides { compared, extents, gains, lights }
     }
 }
 
+/// Pixels beside one, above and below.
+pub(crate) fn beside(film: Film, pixel: usize) -> impl Iterator<Item = usize> {
+    let width = film.width as usize;
+    let (x, y) = (pixel % width, pixel / width);
+    let beside = [(x > 0).then(|| pixel - 1), (x + 1 < width).then(|| pixel + 1)];
+    let above = [(y > 0).then(|| pixel - width), (y + 1 < film.height as usize).then(|| pixel + width)];
+    beside.into_iter().chain(above).flatten()
+}
+
 impl Guides {
+    /// How alike a pixel and one of another picture of the same scene are, as far as both see a surface: from 0 to 1.
+    pub fn likeness_to(&self, bundle: u32, other: &Guides, of_other: u32) -> f32 {
+        let [own, other] = [(self, bundle), (other, of_other)]
+            .map(|(guides, bundle)| guides.compared.each_ref().map(|plane| plane[bundle as usize]));
+        let [x, y, z, nx, ny, nz, shining, _] = own;
+        let [away_x, away_y, away_z] = [other[0] - x, other[1] - y, other[2] - z];
+        let turn = (other[3] - nx).powi(2) + (other[4] - ny).powi(2) + (other[5] - nz).powi(2);
+        let apart = (other[6] - shining).powi(2);
+        let reach = STEP_PIXELS * self.extents[bundle as usize] + f32::MIN_POSITIVE;
+        let distance = (away_x * away_x + away_y * away_y + away_z * away_z).sqrt();
+        let off_plane = (away_x * nx + away_y * ny + away_z * nz) / (reach + SLOPE * distance);
+        fallen(turn / (TURN * TURN) + apart / (SHINING * SHINING) + off_plane * off_plane)
+    }
+
+    /// The light that a pixel shows, straight or by mirrors and panes.
+    pub fn light(&self, bundle: u32) -> Option<LightSeen> {
+        self.lights[bundle as usize]
+    }
+
     /// Memory that it takes, bytes.
     pub fn n_bytes(&self) -> usize {
         let numbers = self.compared.iter().chain([&self.extents]).map(|plane| size_of_val(plane.as_slice()));
-        numbers.sum::<usize>() + size_of_val(self.gains.as_slice())
+        numbers.sum::<usize>() + size_of_val(self.gains.as_slice()) + size_of_val(self.lights.as_slice())
     }
 }
 
@@ -133,7 +219,7 @@ impl Likeness for Guides {
 impl Pixel {
     /// Place, normal, and what shines and is there.
     fn compared(&self) -> [f32; 8] {
-        let Pixel { place, normal, shining, solid } = self;
+        let Pixel { place, normal, shining, solid, .. } = self;
         [place.x, place.y, place.z, normal.x, normal.y, normal.z, *shining, *solid]
     }
 }
@@ -145,17 +231,31 @@ fn fallen(unlike: f32) -> f32 {
     (fourth * fourth) * (fourth * fourth)
 }
 
-fn looks(scene: &PreparedScene, camera: &Camera, film: Film, [x, y]: [u32; 2]) -> (Pixel, [f32; CHANNELS]) {
-    let (mut pixel, mut color) = (Pixel::default(), Vec3::ZERO);
-    for nth in 0..LOOKS {
+fn looks(
+    n_looks: u32,
+    (scene, camera): (&PreparedScene, &Camera),
+    film: Film,
+    [x, y]: [u32; 2],
+) -> (Pixel, [f32; CHANNELS]) {
+    of_looks((0..n_looks).map(|nth| {
         let mut sampler = Sampler::new(0, STREAM + u64::from(y * film.width + x), nth);
-        let film_px = Vec2::new(x as f32, y as f32) + Vec2::from(sampler.next_2d());
-        let look = look(scene, (camera.position(), camera.direction(film, film_px)), &mut sampler);
-        let share = 1.0 / LOOKS as f32;
+        let within = Vec2::from(sampler.next_2d());
+        let within = if n_looks == AT_CENTER { Vec2::splat(0.5) } else { within };
+        let film_px = Vec2::new(x as f32, y as f32) + within;
+        look(scene, (camera.position(), camera.direction(film, film_px)), &mut sampler)
+    }))
+}
+
+/// The mean of looks, as many as there are.
+fn of_looks(looks: impl IntoIterator<Item = Look, IntoIter: ExactSizeIterator>) -> (Pixel, [f32; CHANNELS]) {
+    let (mut pixel, mut color, looks) = (Pixel::default(), Vec3::ZERO, looks.into_iter());
+    let share = 1.0 / looks.len() as f32;
+    for look in looks {
         pixel.place += look.place * share;
         pixel.normal += look.normal * share;
         pixel.shining += look.shining * share;
         pixel.solid += look.solid * share;
+        pixel.light = look.light;
         color += look.color * share;
     }
     (pixel, (color + COLORLESS).to_array())
@@ -163,13 +263,17 @@ fn looks(scene: &PreparedScene, camera: &Camera, film: Film, [x, y]: [u32; 2]) -
 
 fn look(scene: &PreparedScene, (origin, direction): (Vec3, Vec3), sampler: &mut Sampler) -> Look {
     let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
-    let (mut look, mut tint) = (Look::default(), Vec3::ONE);
+    let (mut look, mut tint, mut is_straight) = (Look::default(), Vec3::ONE, true);
     for depth in 0..MOST_MIRRORS {
         let Some(hit) = scene.closest_seen(&ray, sampler) else { break };
+        let emitted = scene.emitted(&hit, -ray.direction);
+        if let Some((column, radiance)) = emitted {
+            look.light = Some(LightSeen { column, radiance: radiance * tint, is_straight });
+        }
         if depth == 0 {
             look.solid = 1.0;
             look.normal = scene.smooth_normal(&hit, ray.direction);
-            look.shining = f32::from(u8::from(scene.emitted(&hit, -ray.direction).is_some()));
+            look.shining = f32::from(u8::from(emitted.is_some()));
         }
         let base = scene.base_color(&hit);
         (look.place, look.color) = (hit.position, base * tint);
@@ -183,6 +287,7 @@ fn look(scene: &PreparedScene, (origin, direction): (Vec3, Vec3), sampler: &mut 
             ray.t_min = next_after(hit.t);
             continue;
         }
+        is_straight = false;
         let Some(sample) = bsdf.sample(sampler.next_1d(), sampler.next_2d()) else { break };
         if sample.kind == ScatterKind::Smooth {
             break;

@@ -98,6 +98,11 @@ impl<'a> TransportMatrix<'a> {
         TransportMatrix { integrator: self.integrator.watched(focus), ..self }
     }
 
+    /// Sees pixels at their centers alone.
+    pub(crate) fn of_centers(self) -> Self {
+        TransportMatrix { integrator: self.integrator.of_centers(), ..self }
+    }
+
     /// Sends no walks to mirrors and glass: sooner, and noisier.
     pub(crate) fn unguided(self) -> Self {
         TransportMatrix { integrator: self.integrator.unguided(), ..self }
@@ -298,10 +303,10 @@ impl<'a> TransportMatrix<'a> {
         }
     }
 
-    /// A random point of a pixel, and the camera's ray through it.
+    /// A random point of a pixel, or its center where those alone are seen, and the camera's ray through it.
     pub(crate) fn sample_ray(&self, pixel: u32, sampler: &mut Sampler) -> (Vec2, (Vec3, Vec3)) {
         let corner = Vec2::new((pixel % self.film.width) as f32, (pixel / self.film.width) as f32);
-        let film_px = corner + Vec2::from(sampler.next_2d());
+        let film_px = self.integrator.film_px(corner, sampler);
         (film_px, self.ray(film_px))
     }
 

@@ -139,6 +139,8 @@ pub struct Integrator<'a, P> {
     casters: Option<&'a Casters>,
     /// Who wants to know, if that can change.
     focus: Option<&'a Focus>,
+    /// Whether pixels are seen at their centers alone.
+    sees_centers: bool,
 }
 
 /// Where the light of a column comes from.
@@ -266,12 +268,24 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             peaks,
             casters,
             focus,
+            sees_centers: false,
         }
     }
 
     /// The same for somebody who may leave: from then on every ray meets nothing, so that all walks end.
     pub(crate) fn watched(self, focus: &'a Focus) -> Self {
         Integrator { focus: Some(focus), ..self }
+    }
+
+    /// The same for pixels that are seen at their centers alone.
+    pub(crate) fn of_centers(self) -> Self {
+        Integrator { sees_centers: true, ..self }
+    }
+
+    /// The point of a pixel with this corner through which a sample looks.
+    pub(crate) fn film_px(&self, corner: Vec2, sampler: &mut Sampler) -> Vec2 {
+        let within = Vec2::from(sampler.next_2d());
+        corner + if self.sees_centers { Vec2::splat(0.5) } else { within }
     }
 
     /// The same without walks that are sent to mirrors and glass.
@@ -315,7 +329,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         self.bounces
     }
 
-    /// One sample of a pixel: a random point of its square, all columns.
+    /// One sample of a pixel, all columns: of a random point of its square, unless it is seen at its center alone.
     pub fn sample_pixel(
         &self,
         camera: &Camera,
@@ -325,7 +339,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         scratch: &mut Scratch,
         deposit: &mut impl Deposit,
     ) {
-        let film_px = Vec2::new(pixel[0] as f32, pixel[1] as f32) + Vec2::from(sampler.next_2d());
+        let film_px = self.film_px(Vec2::new(pixel[0] as f32, pixel[1] as f32), &mut sampler);
         let walk = Walk::from_camera(camera.position(), camera.direction(film, film_px));
         self.follow(walk, &mut sampler, scratch, deposit);
     }
@@ -345,7 +359,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let (corner, origin) = (Vec2::new(pixel[0] as f32, pixel[1] as f32), camera.position());
         let mut directions = [Vec3::ZERO; 16];
         for (direction, sampler) in directions.iter_mut().zip(samplers.iter_mut()) {
-            *direction = camera.direction(film, corner + Vec2::from(sampler.next_2d()));
+            *direction = camera.direction(film, self.film_px(corner, sampler));
         }
         let hits = self.closest_seen16(origin, &directions, samplers);
         let samples = samplers.iter_mut().zip(deposits);
@@ -369,7 +383,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         deposit: &mut impl Deposit,
     ) {
         if !self.beyond.is_empty() || !self.bodies.is_empty() {
-            let film_px = Vec2::new(pixel[0] as f32, pixel[1] as f32) + Vec2::from(sampler.next_2d());
+            let film_px = self.film_px(Vec2::new(pixel[0] as f32, pixel[1] as f32), &mut sampler);
             self.pass_by((camera.position(), camera.direction(film, film_px)), deposit);
         }
     }

@@ -169,8 +169,9 @@ impl Run<'_> {
 
     /// Columns of a group up to which a pass keeps it as it was sampled: noise that is kept is taken out afterwards.
     pub(super) fn n_lamps_apart(&self, pass: u32, is_preview: bool) -> usize {
+        let is_watched = matches!(self.job.passes, Passes::Progressive | Passes::FirstLook);
         let most = match () {
-            () if is_preview && self.job.passes == Passes::Progressive => LAMPS_APART_IN_PREVIEWS,
+            () if is_preview && is_watched => LAMPS_APART_IN_PREVIEWS,
             () if self.is_denoised(pass == self.last) => LAMPS_APART,
             () => 0,
         };
