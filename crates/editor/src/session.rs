@@ -300,7 +300,7 @@ impl Session {
         self.shown.as_ref().is_some_and(|shown| !is_coming || shown.is_whole())
     }
 
-    /// Whether what is shown is a first look with few pixels.
+    /// Whether what is shown is a first look, traced at few pixels.
     pub fn is_glimpse(&self) -> bool {
         self.shown.as_ref().is_some_and(|shown| shown.is_glimpse)
     }

@@ -50,7 +50,7 @@ pub struct Viewed<'a> {
     pub stage: &'a Stage,
     /// Where the bake stands.
     pub bake: &'a BakeState,
-    /// Whether the picture is a first look with few pixels.
+    /// Whether the picture is a first look, traced at few pixels.
     pub is_glimpse: bool,
     /// Scene and camera of the picture, where they are known and lights can be dragged in it.
     pub scene: Option<(&'a PreparedScene, &'a Camera)>,

@@ -46,7 +46,7 @@ impl App {
     fn is_too_coarse(&mut self) -> bool {
         let is_glimpse = self.session.is_glimpse();
         if is_glimpse {
-            self.complain("This is a first look with few pixels; wait until the bake has a whole picture");
+            self.complain("This is a first look, traced at few pixels; wait until the bake has a whole picture");
         }
         is_glimpse
     }

@@ -1,4 +1,5 @@
-//! A first look at a view: few pixels, but all of them and under every light, long before the preview of its bake is whole.
+//! A first look at a view: traced at few pixels, but all of them and under every light, long before the preview of its bake is whole. Those
+//! of the bake are told by them.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -6,11 +7,14 @@ use std::sync::Arc;
 use clerestory_nystrom::{BlockFactors, BlockLowRank};
 use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::{BakeConfig, BakeError, BakeEvent, BakeHeader, BakeJob, Passes};
+use clerestory_transport::camera::Film;
 
 use super::preview::within;
 
-/// Longest side, pixels: a picture that is seen for seconds, made in a fraction of them.
-const SIDE_PX: u32 = 240;
+/// Pixels across of the bake for each that is traced, and the least and greatest longest side of what is: a picture that is seen for seconds,
+/// made in a fraction of them.
+const FEWER: f32 = 4.5;
+const SIDES_PX: [u32; 2] = [112, 240];
 /// Pixels of the bake for each of a glimpse, at least: else the preview itself is there as soon.
 const LEAST_GAIN: usize = 4;
 
@@ -24,20 +28,31 @@ pub struct Glimpse {
 
 /// What a first look at a bake is made by; none where the bake is as small itself.
 pub fn job(of: &BakeJob) -> Option<BakeJob> {
-    let film = within(of.film, SIDE_PX);
+    let side = (of.film.width.max(of.film.height) as f32 / FEWER) as u32;
+    let film = within(of.film, side.clamp(SIDES_PX[0], SIDES_PX[1]));
     if of.film.n_pixels() < LEAST_GAIN * film.n_pixels() {
         return None;
     }
     // Light that arrives and lamps that move wait for the bake.
     let config = BakeConfig { patches: 0, ..of.config.clone() };
-    Some(BakeJob { film, config, passes: Passes::Progressive, irradiance: Vec::new(), ..of.clone() })
+    Some(BakeJob { film, config, passes: Passes::FirstLook, irradiance: Vec::new(), ..of.clone() })
 }
 
-/// Bakes no further than the preview; nothing if it was stopped before.
+/// Bakes no further than the preview, and makes a picture of all pixels of the bake of it, where these do not take too much memory; nothing if
+/// it was stopped before.
 ///
 /// # Errors
 /// As the bake itself.
-pub fn run(job: BakeJob, focus: &Focus) -> Result<Option<Glimpse>, BakeError> {
+pub fn run(job: BakeJob, film: Film, focus: &Focus) -> Result<Option<Glimpse>, BakeError> {
+    let Some(Glimpse { header, groups }) = traced(job.clone(), focus)? else { return Ok(None) };
+    let enlarged = job.enlarged(&header, &groups, film, focus).map(|groups| {
+        let Film { width, height } = film;
+        Glimpse { header: Arc::new(BakeHeader { width, height, ..(*header).clone() }), groups }
+    });
+    Ok(Some(enlarged.unwrap_or(Glimpse { header, groups })).filter(|_| !focus.is_left()))
+}
+
+fn traced(job: BakeJob, focus: &Focus) -> Result<Option<Glimpse>, BakeError> {
     let (mut glimpse, mut is_whole) = (None::<Glimpse>, false);
     let keep = |glimpse: &mut Option<Glimpse>, block_idx: usize, factors: Vec<Arc<BlockFactors>>| {
         let groups = glimpse.iter_mut().flat_map(|glimpse| &mut glimpse.groups);
@@ -79,11 +94,11 @@ mod tests {
     }
 
     #[test]
-    fn a_glimpse_has_few_pixels_and_all_of_them_under_every_light() {
+    fn a_glimpse_has_all_pixels_under_every_light() {
         let of = bake_of(Film { width: 1280, height: 960 });
         let sources = of.scene.lighting.basis.sources.clone();
-        let Glimpse { header, groups } = run(job(&of).unwrap(), &Focus::default()).unwrap().unwrap();
-        assert_eq!((header.width, header.height), (240, 180));
+        let Glimpse { header, groups } = run(job(&of).unwrap(), of.film, &Focus::default()).unwrap().unwrap();
+        assert_eq!((header.width, header.height), (1280, 960));
         assert_eq!(header.basis.sources, sources);
         for (group, of) in groups.iter().zip(&header.basis.groups) {
             let n_cols = of.columns.len() as u32;
@@ -98,7 +113,7 @@ mod tests {
         let of = bake_of(Film { width: 480, height: 360 });
         let mut grainy = of.clone();
         grainy.config.denoise = false;
-        let [denoised, grainy] = [of, grainy].map(|of| run(job(&of).unwrap(), &Focus::default()).unwrap().unwrap());
+        let [denoised, grainy] = [of, grainy].map(|of| traced(job(&of).unwrap(), &Focus::default()).unwrap().unwrap());
         let sampled = denoised.groups[0].blocks.iter().zip(&grainy.groups[0].blocks).filter(|(a, b)| a == b).count();
         assert!(2 * sampled < denoised.groups[0].blocks.len(), "{sampled} blocks are as they were sampled");
     }
@@ -107,12 +122,13 @@ mod tests {
     fn nobody_who_has_left_gets_one() {
         let focus = Focus::default();
         focus.leave();
-        assert!(run(job(&bake_of(Film { width: 640, height: 480 })).unwrap(), &focus).unwrap().is_none());
+        let of = bake_of(Film { width: 640, height: 480 });
+        assert!(run(job(&of).unwrap(), of.film, &focus).unwrap().is_none());
     }
 
     #[test]
     fn a_bake_as_small_as_a_glimpse_has_none() {
-        assert!(job(&bake_of(Film { width: 400, height: 300 })).is_none());
+        assert!(job(&bake_of(Film { width: 220, height: 165 })).is_none());
         assert!(job(&bake_of(Film { width: 480, height: 360 })).is_some());
     }
 }

@@ -23,7 +23,7 @@ pub struct Shown {
     pub irradiance: Vec<Vec<BlockLowRank>>,
     /// The bytes of all that, once they are what is shown.
     pub packed: Option<Arc<PackedMatrices>>,
-    /// Whether it is a first look with few pixels, to be replaced once the preview of its bake is whole.
+    /// Whether it is a first look, traced at few pixels, to be replaced once the preview of its bake is whole.
     pub is_glimpse: bool,
 }
 

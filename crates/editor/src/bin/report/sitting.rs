@@ -268,7 +268,7 @@ fn sitting(desk: &Desk, path: &Path, (indirect, turn): (Indirect, u64), manner: 
     let passes = Passes::Progressive;
     let job = BakeJob { scene: scene.clone(), camera, film, config, passes, irradiance: Vec::new() };
     if let Some(look) = glimpse::job(&job) {
-        glimpse::run(look, &Focus::default())?.context("nobody stops a first look of the report")?;
+        glimpse::run(look, film, &Focus::default())?.context("nobody stops a first look of the report")?;
         note(TO_LOOK, prepared, Instant::now());
     }
     let (bake_began, mut told_db) = (Instant::now(), 0.0);

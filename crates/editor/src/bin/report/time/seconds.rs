@@ -33,6 +33,7 @@ struct Clocked {
     prepare: Vec<f64>,
     /// Nothing where the bake is as small itself.
     look: Vec<f64>,
+    look_db: Vec<Option<f64>>,
     preview: Vec<f64>,
     preview_cpu: Vec<f64>,
     preview_db: Vec<Option<f64>>,
@@ -57,9 +58,11 @@ pub fn write(desk: &Desk) -> Result<String> {
             let part = || clock(desk, &subject, indirect);
             let clocked: Clocked = desk.part(SECONDS, &format!("{name}{how}"), part)?;
             rows += &format!(
-                "| {name}{how} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
+                "| {name}{how} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
                 spread_words(clocked.prepare),
-                if clocked.look.is_empty() { "—".into() } else { hundredths(clocked.look) },
+                if clocked.look.is_empty() { "—".into() } else { hundredths(clocked.look.clone()) },
+                decibels(&clocked.look_db),
+                verdict(PREVIEW, &clocked.look, &clocked.look_db),
                 hundredths(clocked.preview.clone()),
                 spread_words(clocked.preview_cpu),
                 decibels(&clocked.preview_db),
@@ -76,9 +79,9 @@ pub fn write(desk: &Desk) -> Result<String> {
          once more with indirect light shared. Seconds by the clock on the wall once the file is read: until the hierarchy is built and the lights are found, until the first look\n\
          ([decision 0039](decisions/0039-a-first-look-comes-before-the-preview.md)) and until the preview are whole (each with all before it, of the preview the CPU seconds beside). The bake goes on and is left\n\
          {LEFT_AFTER_SECS} s after the scene was prepared, so that the block that ends it comes within {} s, but not before its preview is whole: blocks that the pass under way has reached stand beside those of the pass before. A window keeps a core to itself, and starts with *Draft* on fewer than eight; here all of them bake. Median\n\
-         (least…greatest) of {} repeats with seeds of their own; error of single lights in dB of each. Aimed at: a preview of {} dB within {} s, and {} dB within {} s, which the medians keep or\n\
+         (least…greatest) of {} repeats with seeds of their own; error of single lights in dB of each. A first look has all pixels, told by fewer that are traced. Aimed at: a whole picture of {} dB within {} s, be it the first look or the preview, and {} dB within {} s, which the medians keep or\n\
          miss: in seconds, in dB, or in both. [Decision 0035](decisions/0035-colors-of-a-chessboard-judge-each-other.md) tells what the fastest bakes wait for, and why those of scenes with coats, metal or glass wait longer. {}\n\n\
-         | scene | prepared | first look | preview | its CPU s | its dB | aim | left | its dB | aim |\n|---|---|---|---|---|---|---|---|---|---|\n{rows}",
+         | scene | prepared | first look | its dB | aim | preview | its CPU s | its dB | aim | left | its dB | aim |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n{rows}",
         film.width,
         film.height,
         SOON.0,
@@ -125,6 +128,7 @@ fn clock(desk: &Desk, subject: &Subject, indirect: Indirect) -> Result<Clocked> 
     let mut clocked = Clocked {
         prepare: Vec::new(),
         look: Vec::new(),
+        look_db: Vec::new(),
         preview: Vec::new(),
         preview_cpu: Vec::new(),
         preview_db: Vec::new(),
@@ -141,8 +145,10 @@ fn clock(desk: &Desk, subject: &Subject, indirect: Indirect) -> Result<Clocked> 
         clocked.prepare.push(prepared.duration_since(begun).as_secs_f64());
         let config = BakeConfig { seed, indirect, ..BakeConfig::default() };
         let job = BakeJob { passes: Passes::Progressive, ..job(subject, &scene, config) };
+        let mut looked = None;
         if let Some(look) = glimpse::job(&job) {
-            glimpse::run(look, &Focus::default())?.context("nobody stops a first look of the report")?;
+            let look = glimpse::run(look, job.film, &Focus::default())?;
+            looked = Some(look.context("nobody stops a first look of the report")?);
             clocked.look.push(begun.elapsed().as_secs_f64());
         }
         let mut previewed_cpu = None;
@@ -152,6 +158,7 @@ fn clock(desk: &Desk, subject: &Subject, indirect: Indirect) -> Result<Clocked> 
             }
             previewed_cpu.is_some() && prepared.elapsed().as_secs_f64() >= LEFT_AFTER_SECS
         })?;
+        clocked.look_db.extend(looked.map(|look| judge.of_bake(&look.header, &look.groups)[0]));
         let preview = bake.passes.first().context("a bake has a preview")?;
         clocked.preview.push(preview.ended.duration_since(begun).as_secs_f64());
         clocked.preview_cpu.push(previewed_cpu.context("a preview has ended")?? - cpu);
