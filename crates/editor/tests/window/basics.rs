@@ -445,11 +445,10 @@ fn a_whole_picture_is_there_long_before_the_preview_and_no_file_is_made_of_it() 
     let mut window: Window =
         Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap());
     let shown = |app: &App| app.session().shown.as_ref().map(|shown| shown.film());
-    let coarse = Film { width: 240, height: 180 };
     wait(&mut window, |app| app.session().is_glimpse() && app.n_pictures() > 0);
     window.get_by_label("A first look: sharper in a moment");
     click(&mut window, "Stop the bake");
-    assert!(shown(window.state()) == Some(coarse) && window.state().session().shown.as_ref().unwrap().is_whole());
+    assert!(shown(window.state()) == Some(film) && window.state().session().shown.as_ref().unwrap().is_whole());
     // It answers to the lights as any picture does.
     let n_before = window.state().n_pictures();
     click(&mut window, "Mute lamp");
