@@ -149,7 +149,10 @@ impl Run<'_> {
         let (job, focus) = (self.job, self.focus);
         let guides = match &self.guides {
             Some(guides) => guides.clone(),
-            None => Arc::new(Guides::new(&job.scene, &job.camera, job.film, &|| !focus.is_left())?),
+            None => {
+                let look = if job.passes == Passes::FirstLook { Guides::at_centers } else { Guides::new };
+                Arc::new(look(&job.scene, &job.camera, job.film, &|| !focus.is_left())?)
+            }
         };
         self.guides = Some(guides.clone());
         Some(guides)
