@@ -13,8 +13,8 @@ use super::preview::within;
 
 /// Pixels across of the bake for each that is traced, and the least and greatest longest side of what is: a picture that is seen for seconds,
 /// made in a fraction of them.
-const FEWER: f32 = 4.5;
-const SIDES_PX: [u32; 2] = [112, 240];
+const FEWER: f32 = 4.0;
+const SIDES_PX: [u32; 2] = [128, 240];
 /// Pixels of the bake for each of a glimpse, at least: else the preview itself is there as soon.
 const LEAST_GAIN: usize = 4;
 
@@ -128,7 +128,7 @@ mod tests {
 
     #[test]
     fn a_bake_as_small_as_a_glimpse_has_none() {
-        assert!(job(&bake_of(Film { width: 220, height: 165 })).is_none());
+        assert!(job(&bake_of(Film { width: 250, height: 188 })).is_none());
         assert!(job(&bake_of(Film { width: 480, height: 360 })).is_some());
     }
 }
