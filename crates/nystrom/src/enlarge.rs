@@ -14,10 +14,21 @@ use crate::low_rank::BlockLowRank;
 use crate::matrix::SparseEntry;
 use crate::partition::Partition;
 
-/// Which bundles of a small raster tell those of a large one, each bundle of so many rows.
+/// A bundle of a small raster that tells one of a large one, each of so many rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Teller<const ROWS: usize> {
+    /// Its number.
+    pub bundle: u32,
+    /// What its rows are multiplied by, their sparse entries aside.
+    pub factors: [f32; ROWS],
+    /// What these are multiplied by.
+    pub sparse: [f32; ROWS],
+}
+
+/// Which bundles of a small raster tell those of a large one.
 pub trait Tellers<const ROWS: usize>: Sync {
-    /// Appends those that tell a bundle, each with what its rows are multiplied by. Where there are none, the rows are zero.
-    fn tell(&self, bundle: u32, out: &mut Vec<(u32, [f32; ROWS])>);
+    /// Appends those that tell a bundle. Where there are none, its rows are zero.
+    fn tell(&self, bundle: u32, out: &mut Vec<Teller<ROWS>>);
     /// Appends columns of a group with what is known of them, and added to the rows of a bundle.
     fn own(&self, _bundle: u32, _group: usize, _out: &mut Vec<(u32, [f32; ROWS])>) {}
 }
@@ -35,9 +46,9 @@ pub fn enlarged<const ROWS: usize>(
         let mut bundles = Vec::new();
         to.bundles(block_idx, &mut bundles);
         let told = goes_on()
-            .then(|| bundles.iter().map(|bundle| told_by(|out| tellers.tell(*bundle, out))).collect::<Vec<_>>())?;
+            .then(|| bundles.iter().map(|bundle| listed(|out| tellers.tell(*bundle, out))).collect::<Vec<_>>())?;
         let block = |(nth, group): (usize, &BlockLowRank)| {
-            let own = bundles.iter().map(|bundle| told_by(|out| tellers.own(*bundle, nth, out)));
+            let own = bundles.iter().map(|bundle| listed(|out| tellers.own(*bundle, nth, out)));
             block(group, &told, own.collect()).map(Arc::new)
         };
         Some(groups.iter().enumerate().map(block).collect::<Vec<_>>())
@@ -52,13 +63,10 @@ pub fn enlarged<const ROWS: usize>(
     Some(groups.iter().enumerate().map(group).collect())
 }
 
-/// What tells a bundle, or is known of it.
-type Told<const ROWS: usize> = Vec<(u32, [f32; ROWS])>;
-
-fn told_by<const ROWS: usize>(tell: impl FnOnce(&mut Told<ROWS>)) -> Told<ROWS> {
-    let mut told = Vec::new();
-    tell(&mut told);
-    told
+fn listed<T>(list: impl FnOnce(&mut Vec<T>)) -> Vec<T> {
+    let mut listed = Vec::new();
+    list(&mut listed);
+    listed
 }
 
 /// A small block that tells.
@@ -88,13 +96,17 @@ impl<'a> Source<'a> {
 }
 
 /// A block of a group, by what tells each of its bundles and what is known of it.
-fn block<const ROWS: usize>(small: &BlockLowRank, told: &[Told<ROWS>], own: Vec<Told<ROWS>>) -> Option<BlockFactors> {
+fn block<const ROWS: usize>(
+    small: &BlockLowRank,
+    told: &[Vec<Teller<ROWS>>],
+    own: Vec<Vec<(u32, [f32; ROWS])>>,
+) -> Option<BlockFactors> {
     assert_eq!(small.bundle_len as usize, ROWS, "rows of a bundle");
     let place = |bundle: u32| small.partition.place(bundle).expect("who tells lies in the small raster");
     let (mut sources, mut right) = (BTreeMap::<usize, Source>::new(), Vec::<f16>::new());
     let n_cols = small.n_cols as usize;
-    for (bundle, _) in told.iter().flatten() {
-        let (block_idx, _) = place(*bundle);
+    for teller in told.iter().flatten() {
+        let (block_idx, _) = place(teller.bundle);
         if sources.contains_key(&block_idx) {
             continue;
         }
@@ -110,17 +122,17 @@ fn block<const ROWS: usize>(small: &BlockLowRank, told: &[Told<ROWS>], own: Vec<
     let (rank, n_rows) = (right.len() / n_cols.max(1), told.len() * ROWS);
     let (mut left, mut sparse) = (vec![0.0f32; n_rows * rank], BTreeMap::<(u32, u32), f32>::new());
     for (nth, tellers) in told.iter().enumerate() {
-        for (bundle, factors) in tellers {
-            let (block_idx, bundle) = place(*bundle);
+        for teller in tellers {
+            let (block_idx, bundle) = place(teller.bundle);
             let source = &sources[&block_idx];
             let n_own = source.block.rank as usize;
-            for (row, factor) in factors.iter().enumerate() {
+            for (row, (factor, of_sparse)) in teller.factors.iter().zip(&teller.sparse).enumerate() {
                 let (from, to) = (bundle as usize * ROWS + row, nth * ROWS + row);
                 let out = &mut left[to * rank + source.first..][..n_own];
                 let own = &source.left[from * n_own..][..n_own];
                 out.iter_mut().zip(own).for_each(|(out, x)| *out += factor * x);
-                for entry in source.sparse(from) {
-                    *sparse.entry((to as u32, entry.col)).or_default() += factor * entry.value;
+                for entry in source.sparse(from).filter(|_| *of_sparse != 0.0) {
+                    *sparse.entry((to as u32, entry.col)).or_default() += of_sparse * entry.value;
                 }
             }
         }
@@ -152,6 +164,10 @@ mod tests {
     use super::*;
     use crate::random::Random;
 
+    fn teller(bundle: u32, factors: [f32; 2]) -> Teller<2> {
+        Teller { bundle, factors, sparse: [1.5, 0.0] }
+    }
+
     const SMALL: Partition = Partition { width: 5, height: 3, tile: 2 };
     const LARGE: Partition = Partition { width: 10, height: 6, tile: 4 };
     const N_COLS: usize = 4;
@@ -160,11 +176,11 @@ mod tests {
     struct Beside;
 
     impl Tellers<2> for Beside {
-        fn tell(&self, bundle: u32, out: &mut Vec<(u32, [f32; 2])>) {
+        fn tell(&self, bundle: u32, out: &mut Vec<Teller<2>>) {
             let (x, y) = (bundle % LARGE.width / 2, bundle / LARGE.width / 2);
             if y > 0 {
                 let right = (x + 1).min(SMALL.width - 1);
-                out.extend([(y * SMALL.width + x, [2.0, 3.0]), (y * SMALL.width + right, [0.5, 0.0])]);
+                out.extend([teller(y * SMALL.width + x, [2.0, 3.0]), teller(y * SMALL.width + right, [0.5, 0.0])]);
             }
         }
 
@@ -195,18 +211,22 @@ mod tests {
     fn rows_are_the_sums_of_those_that_tell_them() {
         let small = small();
         let large = enlarged(std::slice::from_ref(&small), &LARGE, &Beside, &|| true).unwrap().swap_remove(0);
+        let mut dense = small.clone();
+        dense.blocks.iter_mut().flatten().for_each(|block| Arc::make_mut(block).sparse.clear());
         for col in 0..N_COLS {
             let mut one = [0.0; N_COLS];
             one[col] = 1.0;
-            let (from, got) = (small.apply(&one), large.apply(&one));
+            let (all, dense, got) = (small.apply(&one), dense.apply(&one), large.apply(&one));
             for bundle in 0..LARGE.width * LARGE.height {
-                let told = told_by(|out| Beside.tell(bundle, out));
-                let own = told_by(|out| Beside.own(bundle, 0, out));
+                let told = listed(|out| Beside.tell(bundle, out));
+                let own = listed(|out| Beside.own(bundle, 0, out));
                 for row in 0..2 {
-                    let sum =
-                        told.iter().map(|(from_bundle, share)| share[row] * from[2 * *from_bundle as usize + row]);
+                    let part = |teller: &Teller<2>| {
+                        let from = 2 * teller.bundle as usize + row;
+                        teller.factors[row] * dense[from] + teller.sparse[row] * (all[from] - dense[from])
+                    };
                     let own: f32 = own.iter().filter(|(of, _)| *of == col as u32).map(|(_, own)| own[row]).sum();
-                    let (want, got) = (sum.sum::<f32>() + own, got[2 * bundle as usize + row]);
+                    let (want, got) = (told.iter().map(part).sum::<f32>() + own, got[2 * bundle as usize + row]);
                     assert!((got - want).abs() < 0.02, "{bundle}, {row}, {col}: {got} {want}");
                 }
             }

@@ -100,7 +100,7 @@ pub use compress::{
     compress_block, compress_by,
 };
 pub use denoise::{Denoiser, Likeness};
-pub use enlarge::{Tellers, enlarged};
+pub use enlarge::{Teller, Tellers, enlarged};
 pub use factors::{BlockError, BlockFactors};
 pub use landmarks::{Landmarks, Selection};
 pub use low_rank::BlockLowRank;

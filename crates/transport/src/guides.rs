@@ -56,6 +56,8 @@ pub(crate) struct LightSeen {
     pub radiance: Vec3,
     /// Whether it is seen straight, but for clear panes: then there is no other way, and no more of it.
     pub is_straight: bool,
+    /// Whether it is a surface that looks alike under all lights, which is nobody's reflection.
+    pub is_unlit: bool,
 }
 
 /// The mean of all looks at a pixel.
@@ -268,7 +270,8 @@ fn look(scene: &PreparedScene, (origin, direction): (Vec3, Vec3), sampler: &mut 
         let Some(hit) = scene.closest_seen(&ray, sampler) else { break };
         let emitted = scene.emitted(&hit, -ray.direction);
         if let Some((column, radiance)) = emitted {
-            look.light = Some(LightSeen { column, radiance: radiance * tint, is_straight });
+            let is_unlit = is_straight && scene.material(hit.triangle).unlit;
+            look.light = Some(LightSeen { column, radiance: radiance * tint, is_straight, is_unlit });
         }
         if depth == 0 {
             look.solid = 1.0;

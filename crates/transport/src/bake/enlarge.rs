@@ -3,11 +3,11 @@
 //! Light changes slowly over a surface, what is seen of the surface does not. A pixel takes the light of those of the small picture whose
 //! surface faces the same way in one plane, per color of the surface, and gives it its own color: edges and textures are as sharp as the large
 //! picture has them, shadows and mirrored things as the small one has them \[Kopf2007\]. Lights themselves are told by nobody: what is seen of
-//! them is known.
+//! them is known, and kept apart from what surfaces reflect, as sparse entries.
 
 use std::ops::Range;
 
-use clerestory_nystrom::{BlockLowRank, Likeness, Partition, Tellers, enlarged};
+use clerestory_nystrom::{BlockLowRank, Likeness, Partition, Teller, Tellers, enlarged};
 use glam::Vec2;
 use rayon::prelude::*;
 
@@ -19,13 +19,16 @@ use crate::matrix::CHANNELS;
 
 /// How far pixels of the small picture tell, in these: weights fall to none there, across and down.
 const REACH: f32 = 1.5;
-/// Share of the weight around a pixel that those alike have at least: else the small picture has not met its surface, and all tell.
+/// Share of the weight around a pixel that those alike have at least: else the small picture has not met its surface, and all tell that see
+/// a surface as well.
 const LEAST_ALIKE: f32 = 0.05;
 /// Where a pixel is looked at in which surfaces or colors change: four places, no two in one row or column.
 const WITHIN: [[f32; 2]; 4] = [[0.375, 0.125], [0.875, 0.375], [0.125, 0.625], [0.625, 0.875]];
 /// They change where a pixel beside is less alike than that, or its color is off by more than that share of both.
 const ALIKE: f32 = 0.5;
 const SAME_COLOR: f32 = 0.05;
+/// Memory of a look at a pixel, bytes, about, while all are made.
+const LOOK_BYTES: usize = 200;
 
 impl BakeJob {
     /// The matrices of this bake, whose pixels are seen at their centers ([`Passes::FirstLook`](super::Passes::FirstLook)), as those of a picture
@@ -43,6 +46,9 @@ impl BakeJob {
         if n_bytes.saturating_mul(n_times) > LAMPS_APART_BYTES {
             return None;
         }
+        if to.n_pixels().saturating_mul(LOOK_BYTES) > LAMPS_APART_BYTES {
+            return None;
+        }
         let goes_on = || !focus.is_left();
         let partition = Partition { width: to.width, height: to.height, tile: self.config.block };
         enlarged(groups, &partition, &Showing::new(self, header, to, &goes_on)?, &goes_on)
@@ -54,6 +60,8 @@ struct Showing<'a> {
     header: &'a BakeHeader,
     /// Sizes of the small picture and of the large one.
     films: [Film; 2],
+    /// How far the middle of the picture lies to the right of the camera's axis, in widths of it.
+    shift: f32,
     small: Guides,
     large: Guides,
     /// More looks at pixels of the large one in which something changes, as many at each as there are places [`WITHIN`] it.
@@ -73,14 +81,16 @@ impl<'a> Showing<'a> {
         let look = |film: Film| Guides::at_centers(&job.scene, &job.camera, film, goes_on);
         let (small, large) = (look(job.film)?, look(to)?);
         let changing: Vec<bool> = (0..to.n_pixels()).into_par_iter().map(|pixel| changes(&large, to, pixel)).collect();
+        let n_fine = WITHIN.len() * changing.iter().filter(|changes| **changes).count();
+        let is_looked_at = |pixel: usize| changing[pixel] && n_fine.saturating_mul(LOOK_BYTES) <= LAMPS_APART_BYTES;
         let (mut points, mut first_fine) = (Vec::new(), vec![None; to.n_pixels()]);
-        for (pixel, first) in first_fine.iter_mut().enumerate().filter(|(pixel, _)| changing[*pixel]) {
+        for (pixel, first) in first_fine.iter_mut().enumerate().filter(|(pixel, _)| is_looked_at(*pixel)) {
             *first = Some(points.len() as u32);
             let corner = Vec2::new((pixel % to.width as usize) as f32, (pixel / to.width as usize) as f32);
             points.extend(WITHIN.map(|within| (pixel as u32, corner + Vec2::from(within))));
         }
         let fine = large.at_points((&job.scene, &job.camera), to, &points, goes_on)?;
-        Some(Showing { header, films: [job.film, to], small, large, fine, first_fine })
+        Some(Showing { header, films: [job.film, to], shift: job.camera.shift[0], small, large, fine, first_fine })
     }
 
     /// The looks at a pixel of the large picture.
@@ -91,19 +101,16 @@ impl<'a> Showing<'a> {
         }
     }
 
-    /// The light that a look sees, if it outshines what lights light: a column of 1 is as bright as the brightest of that.
-    fn glare(&self, guides: &Guides, look: u32) -> Option<LightSeen> {
-        let outshines =
-            |light: &LightSeen| light.radiance.max_element() * self.header.column_scale[light.column as usize] > 1.0;
-        guides.light(look).filter(outshines)
-    }
-
-    /// Pixels of the small picture within reach of one of the large one that show something, with the weight of their distance.
+    /// Pixels of the small picture within reach of one of the large one, with the weight of their distance. Both have the same angle of view
+    /// from top to bottom; from side to side it follows their shapes, which are not quite the same.
     fn around(&self, pixel: u32) -> impl Iterator<Item = (u32, f32)> {
         let [small, large] = self.films;
         let size = |film: Film| Vec2::new(film.width as f32, film.height as f32);
         let own = Vec2::new((pixel % large.width) as f32, (pixel / large.width) as f32);
-        let center = (own + 0.5) * size(small) / size(large) - 0.5;
+        let mut share = (own + 0.5) / size(large);
+        let wider = (large.width as f32 * small.height as f32) / (small.width as f32 * large.height as f32);
+        share.x = (share.x - 0.5 + self.shift) * wider + 0.5 - self.shift;
+        let center = (share * size(small) - 0.5).clamp(Vec2::ZERO, size(small) - 1.0);
         let within = move |at: f32, end: u32| {
             let (first, last) = ((at - REACH).ceil().max(0.0) as u32, ((at + REACH) as u32).min(end - 1));
             (first..=last).map(move |px| (px, REACH - (px as f32 - at).abs())).filter(|(_, weight)| *weight > 0.0)
@@ -114,23 +121,16 @@ impl<'a> Showing<'a> {
     }
 
     /// What tells a look at a pixel, which counts as so much of it.
-    fn tell_look(
-        &self,
-        (guides, look): (&Guides, u32),
-        (pixel, part): (u32, f32),
-        out: &mut Vec<(u32, [f32; CHANNELS])>,
-    ) {
-        let glare = self.glare(guides, look);
-        if guides.is_void(look) || glare.is_some_and(|light| light.is_straight) {
+    fn tell_look(&self, (guides, look): (&Guides, u32), (pixel, part): (u32, f32), out: &mut Vec<Teller<CHANNELS>>) {
+        let (light, is_void) = (guides.light(look), guides.is_void(look));
+        let is_unlit = |light: Option<LightSeen>| light.is_some_and(|light| light.is_unlit);
+        if is_unlit(light) {
             return;
         }
-        let around = || self.around(pixel).filter(|(other, _)| !self.small.is_void(*other));
-        let shows =
-            |other: u32, column: Option<u32>| self.glare(&self.small, other).map(|light| light.column) == column;
-        // What shows another light, or none, says nothing of this one; where nobody around shows it, it is left out.
-        let column = glare.map(|light| light.column).filter(|column| around().any(|(at, _)| shows(at, Some(*column))));
-        let weighed: Vec<(u32, f32, f32)> = around()
-            .filter(|(other, _)| shows(*other, column))
+        let tells = |other: u32| self.small.is_void(other) == is_void && !is_unlit(self.small.light(other));
+        let weighed: Vec<(u32, f32, f32)> = self
+            .around(pixel)
+            .filter(|(other, _)| tells(*other))
             .map(|(other, weight)| (other, weight, weight * guides.likeness_to(look, &self.small, other)))
             .collect();
         let [all, alike] =
@@ -141,12 +141,21 @@ impl<'a> Showing<'a> {
         for (other, share) in weighed.iter().map(share) {
             gains.iter_mut().zip(self.small.gains(other)).for_each(|(sum, gain)| *sum += share * gain);
         }
+        // Light that is seen by mirrors is told by those that see the same, or none; light that is seen straight by nobody.
+        let column = |light: Option<LightSeen>| light.map(|light| light.column);
+        let is_straight = |light: Option<LightSeen>| light.is_some_and(|light| light.is_straight);
+        let shows_same =
+            |other: Option<LightSeen>| !is_straight(light) && !is_straight(other) && column(other) == column(light);
         let own = guides.gains(look);
         for (other, share) in weighed.iter().map(share).filter(|(_, share)| *share > 0.0) {
             let factors: [f32; CHANNELS] = std::array::from_fn(|c| part * share * own[c] / gains[c]);
-            match out.iter_mut().find(|(known, _)| *known == other) {
-                Some((_, sum)) => sum.iter_mut().zip(factors).for_each(|(sum, factor)| *sum += factor),
-                None => out.push((other, factors)),
+            let sparse = if shows_same(self.small.light(other)) { factors } else { [0.0; CHANNELS] };
+            match out.iter_mut().find(|known| known.bundle == other) {
+                Some(known) => {
+                    known.factors.iter_mut().zip(factors).for_each(|(sum, factor)| *sum += factor);
+                    known.sparse.iter_mut().zip(sparse).for_each(|(sum, factor)| *sum += factor);
+                }
+                None => out.push(Teller { bundle: other, factors, sparse }),
             }
         }
     }
@@ -166,7 +175,7 @@ fn changes(guides: &Guides, film: Film, pixel: usize) -> bool {
 }
 
 impl Tellers<CHANNELS> for Showing<'_> {
-    fn tell(&self, pixel: u32, out: &mut Vec<(u32, [f32; CHANNELS])>) {
+    fn tell(&self, pixel: u32, out: &mut Vec<Teller<CHANNELS>>) {
         let (guides, looks) = self.looks(pixel);
         let part = 1.0 / looks.len() as f32;
         looks.for_each(|look| self.tell_look((guides, look), (pixel, part), out));
@@ -175,7 +184,7 @@ impl Tellers<CHANNELS> for Showing<'_> {
     fn own(&self, pixel: u32, group: usize, out: &mut Vec<(u32, [f32; CHANNELS])>) {
         let (guides, looks) = self.looks(pixel);
         let (columns, part) = (&self.header.basis.groups[group].columns, 1.0 / looks.len() as f32);
-        let lights = looks.filter_map(|look| self.glare(guides, look));
+        let lights = looks.filter_map(|look| guides.light(look));
         for light in lights.filter(|light| light.is_straight && columns.contains(&light.column)) {
             let scale = part * self.header.column_scale[light.column as usize];
             out.push((light.column - columns.start, (light.radiance * scale).to_array()));
@@ -188,10 +197,16 @@ mod tests {
     use std::ops::ControlFlow;
     use std::sync::Arc;
 
+    use glam::Vec3;
+
     use super::*;
     use crate::bake::{Bake, BakeConfig, Passes};
+    use crate::camera::Camera;
+    use crate::emitters::SkyRequest;
     use crate::import;
+    use crate::laws::stage::{Stage, lambert, quad, room};
     use crate::prepared::PreparedScene;
+    use crate::sky::{Environment, SkyForm, SkyLight};
 
     fn job(film: Film, spp: u32, passes: Passes) -> BakeJob {
         let bytes = include_bytes!("../../../editor/tests/room.gltf");
@@ -233,6 +248,60 @@ mod tests {
         };
         let [all, off, off_squares] = [square(&want, |_| 0.0), square(&want, |nth| got[nth]), square(&want, square_of)];
         assert!(off < 0.6 * off_squares && off < 2e-3 * all, "{off} {off_squares} of {all}");
+    }
+
+    #[test]
+    fn lights_are_told_by_nobody_and_tell_nobody() {
+        let camera = Camera::look_at("eye", Vec3::new(0.3, -0.2, 0.8), Vec3::new(-0.4, 0.6, -1.0), 1.1, 4.0 / 3.0);
+        let scene = Stage::new(camera.clone())
+            .surface("walls", &room(Vec3::ONE), lambert(0.6, 0.0))
+            .panel("panel", &quad(Vec3::new(-0.5, 0.95, -0.5), Vec3::X, Vec3::Z), 1.0, 4)
+            .prepared();
+        let (film, to) = (Film { width: 32, height: 24 }, Film { width: 96, height: 72 });
+        let config = BakeConfig { spp: 16, tolerance_db: 60.0, ..BakeConfig::default() };
+        let (scene, passes, irradiance) = (Arc::new(scene), Passes::FirstLook, Vec::new());
+        let job = BakeJob { scene, camera, film, config, passes, irradiance };
+        let Bake { header, groups, .. } = baked(&job);
+        let large = job.enlarged(&header, &groups, to, &Focus::default()).unwrap().swap_remove(0);
+        let showing = Showing::new(&job, &header, to, &|| true).unwrap();
+        let n_cols = large.n_cols as usize;
+        let mut n_shining = 0;
+        for pixel in (0..to.n_pixels() as u32).filter(|pixel| showing.first_fine[*pixel as usize].is_none()) {
+            let (block, within) = large.partition.place(pixel).unwrap();
+            let mut row = vec![0.0; n_cols];
+            large.blocks[block].as_ref().unwrap().row(CHANNELS * within as usize, &mut row);
+            if let Some(light) = showing.large.light(pixel) {
+                n_shining += 1;
+                // The panel is black: it shines, and reflects nothing.
+                let column = light.column as usize;
+                assert_eq!(row[column], light.radiance.x * header.column_scale[column], "{pixel}");
+                row[column] = 0.0;
+                assert_eq!(row, vec![0.0; n_cols], "{pixel}");
+            }
+            assert!(row.iter().all(|entry| *entry < 3.0), "{pixel}: {row:?}");
+        }
+        assert!(n_shining > 40, "{n_shining}");
+    }
+
+    #[test]
+    fn a_sky_is_seen_beyond_all_surfaces() {
+        let camera = Camera::look_at("eye", Vec3::new(0.0, 1.0, 4.0), Vec3::new(0.0, 0.5, 0.0), 1.1, 4.0 / 3.0);
+        let ground = quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0);
+        let light = SkyLight::new("even", Environment::from_fn(8, 4, |_| Vec3::ONE));
+        let sky = SkyRequest { light, form: SkyForm::Patches(1) };
+        let scene = Stage::new(camera.clone()).surface("ground", &ground, lambert(0.5, 0.0)).prepared_under(&sky);
+        let (film, to) = (Film { width: 32, height: 24 }, Film { width: 64, height: 48 });
+        let config = BakeConfig { spp: 16, tolerance_db: 60.0, ..BakeConfig::default() };
+        let (scene, passes, irradiance) = (Arc::new(scene), Passes::FirstLook, Vec::new());
+        let job = BakeJob { scene, camera, film, config, passes, irradiance };
+        let small = baked(&job);
+        let groups = job.enlarged(&small.header, &small.groups, to, &Focus::default()).unwrap();
+        let n_lit = |groups: &[BlockLowRank]| {
+            let ones = |group: &BlockLowRank| group.apply(&vec![1.0; group.n_cols as usize]);
+            groups.iter().flat_map(ones).filter(|value| *value > 0.0).count()
+        };
+        let (n_small, n_large) = (n_lit(&small.groups), n_lit(&groups));
+        assert!(n_small > 0 && n_large.abs_diff(4 * n_small) < n_small / 2, "{n_small} {n_large}");
     }
 
     #[test]

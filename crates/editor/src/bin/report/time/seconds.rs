@@ -62,7 +62,7 @@ pub fn write(desk: &Desk) -> Result<String> {
                 spread_words(clocked.prepare),
                 if clocked.look.is_empty() { "—".into() } else { hundredths(clocked.look.clone()) },
                 decibels(&clocked.look_db),
-                verdict(PREVIEW, &clocked.look, &clocked.look_db),
+                if clocked.look.is_empty() { "—" } else { verdict(PREVIEW, &clocked.look, &clocked.look_db) },
                 hundredths(clocked.preview.clone()),
                 spread_words(clocked.preview_cpu),
                 decibels(&clocked.preview_db),
