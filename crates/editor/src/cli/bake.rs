@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use clerestory_transport::archive::{self, ArchiveError, Restart};
+use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob, SurveyedStack};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Indirect, Passes};
 use clerestory_transport::basis::LightBasis;
@@ -27,6 +28,7 @@ use crate::black::black_words;
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs, spare_others};
 use crate::platform::memory_bytes;
+use crate::session::glimpse;
 use crate::sizes::bytes_words;
 use crate::words::columns_words;
 
@@ -91,6 +93,14 @@ fn scene_job(scene: &Path, args: &BakeArgs, look: &Look, console: &mut Console) 
     Ok(BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) })
 }
 
+/// What gives the first whole picture of a bake that is to have one, in place of a preview, which takes several times as long; none of
+/// one that is as small itself.
+pub(super) fn first_look(job: &mut BakeJob) -> Option<BakeJob> {
+    let look = glimpse::job(job).filter(|_| job.passes == Passes::PreviewAndFinal)?;
+    job.passes = Passes::FinalOnly;
+    Some(look)
+}
+
 /// What is said of a look whose lamps a bake with so many patches will show by less than all of their light.
 fn direct_alone(look: &Look, n_patches: u32) -> Option<String> {
     let n_lamps = look.lights.shining_lamps().len();
@@ -121,7 +131,15 @@ fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Consol
     let earlier = Earlier::find(&job, args, output, console)?;
     job.passes = from_now(job.passes, args.options.seconds);
     let (kept, restart) = (|| left_behind(output, restart(&args.options)), restart(&args.options));
+    let is_new = earlier.as_ref().is_none_or(|earlier| earlier.reuse.is_err())
+        && (restart == Restart::Fresh || !archive::part_of(output).exists());
+    let first_look = is_new.then(|| first_look(&mut job)).flatten();
     let (bake, times) = run_with_progress(console, &options, &kept, |on_event| {
+        if let Some(look) = first_look
+            && glimpse::run(look, job.film, &Focus::default(), &mut *on_event)?.is_none()
+        {
+            return Ok(None);
+        }
         match earlier.as_ref().and_then(|earlier| earlier.reuse.as_ref().ok()) {
             Some(reuse) => archive::rebake_to_file(job, reuse, output, restart, on_event),
             None => archive::bake_to_file(job, output, restart, on_event),

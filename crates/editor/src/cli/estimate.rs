@@ -1,21 +1,23 @@
 //! `clerestory bake --estimate` and `--memory`: what a bake will take, before it is made.
 
-use std::time::Duration;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
 use clerestory_transport::bake::estimate::BakeEstimate;
 use clerestory_transport::bake::focus::Focus;
-use clerestory_transport::bake::{BakeConfig, BakeJob, Indirect, Passes};
+use clerestory_transport::bake::{BakeConfig, BakeError, BakeJob, Indirect, Passes};
 use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::args::BakeArgs;
-use super::bake::{merge, reconstruction_words};
+use super::bake::{first_look, merge, reconstruction_words};
 use super::console::{Answer, Console, duration_words};
 use super::interrupt::nothing_kept;
 use super::view::on_threads;
 use crate::platform::{peak_bytes, resident_bytes};
 use crate::room::Needs;
+use crate::session::glimpse;
 use crate::sizes::bytes_words;
 
 /// How long blocks of a pass are tried.
@@ -57,10 +59,21 @@ pub(super) fn forecast(job: &BakeJob, args: &BakeArgs, console: &mut Console) ->
     let n_threads = room.map_or(asked, |room| needs.threads_within(room, asked).unwrap_or(1));
     let interrupt = console.interrupt.heeded()?;
     let tried = interrupt.watched(&ProgressBar::hidden(), &nothing_kept, || {
-        on_threads(u16::try_from(n_threads).ok(), || job.estimate(BUDGET, &Focus::default()))
+        on_threads(u16::try_from(n_threads).ok(), || estimated(job.clone()))
     });
     let estimate = tried?.context("cannot estimate the bake")?.ok_or_else(|| interrupt.stopped(nothing_kept()))?;
     Ok(Forecast { estimate, n_threads, held_bytes, peak_bytes: peak_bytes().unwrap_or(0) })
+}
+
+/// Of a first look it is known what it takes: it is made.
+fn estimated(mut job: BakeJob) -> Result<Option<BakeEstimate>, BakeError> {
+    let (begun, focus) = (Instant::now(), Focus::default());
+    let Some(look) = first_look(&mut job) else { return job.estimate(BUDGET, &focus) };
+    glimpse::run(look, job.film, &focus, |_| ControlFlow::Continue(()))?;
+    let preview_secs = begun.elapsed().as_secs_f32();
+    let of_bake =
+        |estimate: BakeEstimate| BakeEstimate { secs: preview_secs + estimate.secs, preview_secs, ..estimate };
+    Ok(job.estimate(BUDGET, &focus)?.map(of_bake))
 }
 
 fn asked_threads(args: &BakeArgs) -> usize {
@@ -185,8 +198,6 @@ pub(super) fn parse_bytes(text: &str) -> Result<u64, String> {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Instant;
-
     use super::*;
 
     #[test]

@@ -39,54 +39,71 @@ pub fn job(of: &BakeJob) -> Option<BakeJob> {
 }
 
 /// Bakes no further than the preview, and makes a picture of all pixels of the bake of it, where these do not take too much memory; nothing if
-/// it was stopped before.
+/// it was stopped before. `on_event` may ask to stop; it hears of the start, that work goes on, and of the end.
 ///
 /// # Errors
 /// As the bake itself.
-pub fn run(job: BakeJob, film: Film, focus: &Focus) -> Result<Option<Glimpse>, BakeError> {
-    let Some(Glimpse { header, groups }) = traced(job.clone(), focus)? else { return Ok(None) };
+pub fn run(
+    job: BakeJob,
+    film: Film,
+    focus: &Focus,
+    mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
+) -> Result<Option<Glimpse>, BakeError> {
+    let Some((Glimpse { header, groups }, end)) = traced(job.clone(), focus, &mut on_event)? else { return Ok(None) };
     let enlarged = job.enlarged(&header, &groups, film, focus).map(|groups| {
         let Film { width, height } = film;
         Glimpse { header: Arc::new(BakeHeader { width, height, ..(*header).clone() }), groups }
     });
-    Ok(Some(enlarged.unwrap_or(Glimpse { header, groups })).filter(|_| !focus.is_left()))
+    let is_wanted = !focus.is_left() && on_event(end).is_continue();
+    Ok(is_wanted.then(|| enlarged.unwrap_or(Glimpse { header, groups })))
 }
 
-fn traced(job: BakeJob, focus: &Focus) -> Result<Option<Glimpse>, BakeError> {
-    let (mut glimpse, mut is_whole) = (None::<Glimpse>, false);
+/// The small picture, and the event of its end.
+fn traced(
+    job: BakeJob,
+    focus: &Focus,
+    mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
+) -> Result<Option<(Glimpse, BakeEvent)>, BakeError> {
+    let (mut glimpse, mut end) = (None::<Glimpse>, None);
     let keep = |glimpse: &mut Option<Glimpse>, block_idx: usize, factors: Vec<Arc<BlockFactors>>| {
         let groups = glimpse.iter_mut().flat_map(|glimpse| &mut glimpse.groups);
         groups.zip(factors).for_each(|(group, factors)| group.blocks[block_idx] = Some(factors));
     };
-    let on_event = |event| {
+    let on_own_event = |event| {
         match event {
-            BakeEvent::Started { header, .. } => {
-                let groups = header.empty_groups();
-                glimpse = Some(Glimpse { header, groups });
+            BakeEvent::Started { ref header, .. } => {
+                glimpse = Some(Glimpse { header: header.clone(), groups: header.empty_groups() });
+                return on_event(event);
             }
             BakeEvent::BlockDone { block_idx, factors, .. } => keep(&mut glimpse, block_idx, factors),
             BakeEvent::Denoised { blocks, .. } => {
                 blocks.into_iter().for_each(|(block_idx, factors)| keep(&mut glimpse, block_idx, factors));
             }
             BakeEvent::PassDone { .. } => {
-                is_whole = true;
+                end = Some(event);
                 return ControlFlow::Break(());
             }
             _ => {}
         }
-        ControlFlow::Continue(())
+        on_event(BakeEvent::Progress { pass: 0, done: 0.0, secs_left: None })
     };
-    job.run_toward(focus, None, on_event)?;
-    Ok(glimpse.filter(|_| is_whole))
+    job.run_toward(focus, None, on_own_event)?;
+    Ok(glimpse.zip(end))
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
     use clerestory_transport::camera::Film;
     use clerestory_transport::irradiance::IrradianceRows;
 
     use super::*;
     use crate::support::room_job;
+
+    fn go_on(_: BakeEvent) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
 
     fn bake_of(film: Film) -> BakeJob {
         let config = BakeConfig { spp: 4096, tolerance_db: 100.0, patches: 64, ..BakeConfig::default() };
@@ -97,7 +114,7 @@ mod tests {
     fn a_glimpse_has_all_pixels_under_every_light() {
         let of = bake_of(Film { width: 1280, height: 960 });
         let sources = of.scene.lighting.basis.sources.clone();
-        let Glimpse { header, groups } = run(job(&of).unwrap(), of.film, &Focus::default()).unwrap().unwrap();
+        let Glimpse { header, groups } = run(job(&of).unwrap(), of.film, &Focus::default(), go_on).unwrap().unwrap();
         assert_eq!((header.width, header.height), (1280, 960));
         assert_eq!(header.basis.sources, sources);
         for (group, of) in groups.iter().zip(&header.basis.groups) {
@@ -113,7 +130,8 @@ mod tests {
         let of = bake_of(Film { width: 480, height: 360 });
         let mut grainy = of.clone();
         grainy.config.denoise = false;
-        let [denoised, grainy] = [of, grainy].map(|of| traced(job(&of).unwrap(), &Focus::default()).unwrap().unwrap());
+        let [denoised, grainy] =
+            [of, grainy].map(|of| traced(job(&of).unwrap(), &Focus::default(), go_on).unwrap().unwrap().0);
         let sampled = denoised.groups[0].blocks.iter().zip(&grainy.groups[0].blocks).filter(|(a, b)| a == b).count();
         assert!(2 * sampled < denoised.groups[0].blocks.len(), "{sampled} blocks are as they were sampled");
     }
@@ -123,7 +141,26 @@ mod tests {
         let focus = Focus::default();
         focus.leave();
         let of = bake_of(Film { width: 640, height: 480 });
-        assert!(run(job(&of).unwrap(), of.film, &focus).unwrap().is_none());
+        assert!(run(job(&of).unwrap(), of.film, &focus, go_on).unwrap().is_none());
+    }
+
+    #[test]
+    fn whoever_stops_it_gets_none_and_whoever_does_not_hears_of_its_end_once() {
+        let of = bake_of(Film { width: 640, height: 480 });
+        let run = |mut heed: Box<dyn FnMut(&BakeEvent) -> bool + Send>| {
+            let go_on = move |event| if heed(&event) { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+            run(job(&of).unwrap(), of.film, &Focus::default(), go_on).unwrap()
+        };
+        assert!(run(Box::new(|_| false)).is_none(), "at its start");
+        assert!(run(Box::new(|event| !matches!(event, BakeEvent::Progress { .. }))).is_none(), "under way");
+        assert!(run(Box::new(|event| !matches!(event, BakeEvent::PassDone { .. }))).is_none(), "at its end");
+        let n_ends = Arc::new(AtomicUsize::new(0));
+        let counted = n_ends.clone();
+        let whole = run(Box::new(move |event| {
+            counted.fetch_add(usize::from(matches!(event, BakeEvent::PassDone { pass: 0, .. })), Ordering::Relaxed);
+            true
+        }));
+        assert!(whole.is_some() && n_ends.load(Ordering::Relaxed) == 1);
     }
 
     #[test]

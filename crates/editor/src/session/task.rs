@@ -340,7 +340,8 @@ pub(super) fn bake(
     if let Some(glimpse) = glimpse.filter(|_| begun.is_none()) {
         // Until there is something to see, the window needs no core of its own.
         // Else it was stopped, or the bake fails as well, in the same words.
-        if let Ok(Some(glimpse)) = beside_the_window(n_threads + 1, || glimpse::run(glimpse, job.film, focus)) {
+        let go_on = |_| ControlFlow::Continue(());
+        if let Ok(Some(glimpse)) = beside_the_window(n_threads + 1, || glimpse::run(glimpse, job.film, focus, go_on)) {
             let _ = post.send(Fact::Glimpsed(glimpse), Duration::ZERO);
         }
     }

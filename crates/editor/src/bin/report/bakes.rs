@@ -42,11 +42,11 @@ pub fn write(desk: &Desk) -> Result<String> {
     let ways = ways::write(desk)?;
     Ok(format!(
         "## Bakes\n\n\
-         Asked for {TOLERANCE} dB, with as many samples per pixel at most as the table tells. Times in seconds by the clock: to the preview (a whole\n\
-         picture with all columns) from the start of the command, so that loading the scene and building its hierarchy are counted; of the bake from when that is done, so that they are not, until the file is written. Errors in dB, as the bake tells them: truncation / sampling / total; a total below what was asked for says that the samples ran out first. What is told is the mean over all entries, each below its column's peak, so that a few lights that are worse than the others weigh in it as all others do; in a picture they have their part of the light. The\n\
+         Asked for {TOLERANCE} dB, with as many samples per pixel at most as the table tells. Times in seconds by the clock: to the first look (a whole\n\
+         picture with all columns, told by fewer pixels; of small pictures the preview) from the start of the command, so that loading the scene and building its hierarchy are counted; of the bake from when that is done, so that they are not, until the file is written. Errors in dB, as the bake tells them: truncation / sampling / total; a total below what was asked for says that the samples ran out first. What is told is the mean over all entries, each below its column's peak, so that a few lights that are worse than the others weigh in it as all others do; in a picture they have their part of the light. The\n\
          last column holds the relit picture (all lights as in the file) against two path-traced ones of {reference_spp} samples each, as in the section Error against\n\
-         time: their noise does not count, pixels that show a light, or lie beside one that does, are left out, and where the standard error is greater than the error, it is what is told, after \"≥\". Each row is one bake, of seed {}; of one that took no more than {PATIENCE_SECS} s, preview, bake, total error and last column are the median (least…greatest) of the seeds {}; traced pictures have seeds 7 and 8. {}\n\n\
-         | scene | size | samples | columns | preview | bake | rank mean / max | MB in the file / in memory | dense / file | error dB | dB beside two traces |\n\
+         time: their noise does not count, pixels that show a light, or lie beside one that does, are left out, and where the standard error is greater than the error, it is what is told, after \"≥\". Each row is one bake, of seed {}; of one that took no more than {PATIENCE_SECS} s, first look, bake, total error and last column are the median (least…greatest) of the seeds {}; traced pictures have seeds 7 and 8. {}\n\n\
+         | scene | size | samples | columns | first look | bake | rank mean / max | MB in the file / in memory | dense / file | error dB | dB beside two traces |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n{rows}{ways}",
         SEEDS[0],
         SEEDS[..n_seeds(desk)].join(", "),

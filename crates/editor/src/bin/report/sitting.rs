@@ -1,5 +1,6 @@
 //! What a sitting costs: from opening a file to an exported picture, as a time line.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -268,7 +269,8 @@ fn sitting(desk: &Desk, path: &Path, (indirect, turn): (Indirect, u64), manner: 
     let passes = Passes::Progressive;
     let job = BakeJob { scene: scene.clone(), camera, film, config, passes, irradiance: Vec::new() };
     if let Some(look) = glimpse::job(&job) {
-        glimpse::run(look, film, &Focus::default())?.context("nobody stops a first look of the report")?;
+        glimpse::run(look, film, &Focus::default(), |_| ControlFlow::Continue(()))?
+            .context("nobody stops a first look of the report")?;
         note(TO_LOOK, prepared, Instant::now());
     }
     let (bake_began, mut told_db) = (Instant::now(), 0.0);

@@ -1,5 +1,6 @@
 //! The first seconds at the desk: the preview, and what some seconds make of it, by the clock on the wall.
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -147,7 +148,7 @@ fn clock(desk: &Desk, subject: &Subject, indirect: Indirect) -> Result<Clocked> 
         let job = BakeJob { passes: Passes::Progressive, ..job(subject, &scene, config) };
         let mut looked = None;
         if let Some(look) = glimpse::job(&job) {
-            let look = glimpse::run(look, job.film, &Focus::default())?;
+            let look = glimpse::run(look, job.film, &Focus::default(), |_| ControlFlow::Continue(()))?;
             looked = Some(look.context("nobody stops a first look of the report")?);
             clocked.look.push(begun.elapsed().as_secs_f64());
         }
