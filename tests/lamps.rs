@@ -1,6 +1,6 @@
 //! Free lamps: relit pictures against traced ones, through the command line; and no jump while a lamp moves.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use clerestory::compare::read_exr;
 use clerestory::look::Look;
@@ -356,22 +356,28 @@ fn each_kind_of_lamp_that_became_movable_leaves_the_picture_of_it_alone_as_it_wa
 
 const FRAME: Film = Film { width: 32, height: 24 };
 
-/// A room that was baked with patches, and what its pixels see.
+/// A room and its bake with patches, made once for all tests.
+static BAKED: LazyLock<(Arc<PreparedScene>, Bake)> = LazyLock::new(|| {
+    let scene = prepare(&two_lamps_and_a_panel().glb());
+    let bake = baked(&scene, FRAME, BakeConfig { spp: 32, patches: 256, ..BakeConfig::default() });
+    (scene, bake)
+});
+
+/// The same, and what its pixels see.
 struct Baked {
-    scene: Arc<PreparedScene>,
-    bake: Bake,
+    scene: &'static PreparedScene,
+    bake: &'static Bake,
     relighter: CpuRelighter,
     points: VisiblePoints,
 }
 
 impl Baked {
     fn new() -> Baked {
-        let scene = prepare(&two_lamps_and_a_panel().glb());
-        let bake = baked(&scene, FRAME, BakeConfig { spp: 32, patches: 256, ..BakeConfig::default() });
+        let (scene, bake) = &*BAKED;
         let narrow_alpha = bake.header.patches.as_ref().unwrap().narrow_alpha();
         let config = VisibleConfig { samples: 8, narrow_alpha, ..VisibleConfig::default() };
-        let points = VisiblePoints::new(&scene, &scene.scene.cameras[0], FRAME, config, &|| false).unwrap();
-        let relighter = CpuRelighter::new(&frame(&bake)).unwrap();
+        let points = VisiblePoints::new(scene, &scene.scene.cameras[0], FRAME, config, &|| false).unwrap();
+        let relighter = CpuRelighter::new(&frame(bake)).unwrap();
         Baked { scene, bake, relighter, points }
     }
 
@@ -381,7 +387,7 @@ impl Baked {
         let mut coefficients = header.coefficients(&LightRig::default());
         coefficients.iter_mut().flatten().for_each(|rgb| *rgb = [0.0; 3]);
         let (patches, bounces) = (header.patches.as_ref().unwrap(), header.config.bounces);
-        *coefficients.last_mut().unwrap() = lamps.light_on_patches(&self.scene, patches, bounces);
+        *coefficients.last_mut().unwrap() = lamps.light_on_patches(self.scene, patches, bounces);
         let mut indirect = Radiance::default();
         self.relighter.relight(&coefficients, &mut indirect).unwrap();
         indirect.pixels.into_flattened()
@@ -391,7 +397,7 @@ impl Baked {
     fn direct(&self, lamps: &PreparedLamps, n_passes: u32) -> Vec<f32> {
         let mut direct = vec![0.0; 3 * FRAME.n_pixels()];
         for pass in 0..n_passes {
-            let picture = self.points.direct(&self.scene, lamps, pass, &|| false).unwrap();
+            let picture = self.points.direct(self.scene, lamps, pass, &|| false).unwrap();
             direct.iter_mut().zip(picture.as_flattened()).for_each(|(sum, value)| *sum += value / n_passes as f32);
         }
         direct

@@ -9,9 +9,9 @@ use serde_json::json;
 use crate::pipeline::Desk;
 
 /// Pictures of one scene, each under one of its lights, in a folder `stage` of the desk. Keys are those of the lights.
-fn staged(desk: &Desk) -> [&'static str; 3] {
+fn staged(desk: &Desk, spp: u32) -> [&'static str; 3] {
     let keys = ["warm", "cool", "panel"];
-    desk.json("bake @room.glb -o @room.transport --size 50x40 --spp 128");
+    desk.json(&format!("bake @room.glb -o @room.transport --size 50x40 --spp {spp}"));
     std::fs::create_dir(desk.path("stage")).unwrap();
     for key in keys {
         // White, so that a color in a look is the color of the light.
@@ -45,7 +45,7 @@ fn worst(desk: &Desk, relit: &str, weights: &[(&str, [f32; 3])]) -> f32 {
 #[test]
 fn a_folder_of_pictures_relights_like_a_bake() {
     let desk = Desk::new();
-    let keys = staged(&desk);
+    let keys = staged(&desk, 128);
     let baked = desk.json("bake --images @stage -o @stage.transport --tolerance 50");
     let error_db = baked["error_db"]["total"].as_f64().unwrap();
     assert!(error_db > 49.5 && baked["columns"] == 3 && baked["pixels"] == 2000, "{baked}");
@@ -69,7 +69,7 @@ fn a_folder_of_pictures_relights_like_a_bake() {
 #[test]
 fn a_measured_bake_says_what_it_is_and_what_it_is_not() {
     let desk = Desk::new();
-    staged(&desk);
+    staged(&desk, 8);
     let said = desk.run("bake --images @stage -o @stage.transport");
     assert!(said.stdout.contains("against the pictures, all of it truncation"), "{}", said.stdout);
     let info = desk.json("info @stage.transport");
@@ -93,7 +93,7 @@ type Spoil<'a> = &'a dyn Fn(&str);
 #[test]
 fn stacks_that_cannot_be_used_are_refused_and_nothing_is_written() {
     let desk = Desk::new();
-    staged(&desk);
+    staged(&desk, 8);
     let copy = |to: &str| std::fs::copy(desk.path("stage/warm.exr"), desk.path(to)).map(drop).unwrap();
     let cut = |to: &str| {
         let bytes = std::fs::read(desk.path("stage/warm.exr")).unwrap();

@@ -1,6 +1,7 @@
 //! What is written looks the same when it is opened again.
 
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use clerestory_transport::import;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
@@ -31,6 +32,17 @@ fn files() -> Vec<PathBuf> {
     files.sort();
     files
 }
+
+/// Scenes of all files that have lights of their own, with a setting for each of these.
+static WITH_LIGHTS: LazyLock<Vec<(PathBuf, PreparedScene, Look)>> = LazyLock::new(|| {
+    let opened = |file: PathBuf| {
+        let (scene, _) = PreparedScene::new(import::load(&file).ok()?.scene, &[]).ok()?;
+        let mut look = set_all(&scene);
+        look.lights.lights.retain(|key, _| key != "sky" && key != "unlit");
+        (!look.lights.lights.is_empty()).then_some((file, scene, look))
+    };
+    files().into_iter().filter_map(opened).collect()
+});
 
 fn save(file: &Path, scene: &PreparedScene, look: &Look, out: &Path) -> Vec<String> {
     let bytes = std::fs::read(file).unwrap();
@@ -111,19 +123,12 @@ fn assert_same_light(before: &PreparedScene, look: &Look, after: &PreparedScene)
 #[test]
 fn every_light_of_every_scene_sends_what_it_was_set_to() {
     let mut n_lights = 0;
-    for file in files() {
-        let Ok(imported) = import::load(&file) else { continue };
-        let Ok((scene, _)) = PreparedScene::new(imported.scene, &[]) else { continue };
-        let mut look = set_all(&scene);
-        look.lights.lights.retain(|key, _| key != "sky" && key != "unlit");
-        if look.lights.lights.is_empty() {
-            continue;
-        }
+    for (file, scene, look) in &*WITH_LIGHTS {
         let folder = tempfile::tempdir().unwrap();
         for name in ["out.glb", "out.gltf"] {
             let out = folder.path().join(name);
-            save(&file, &scene, &look, &out);
-            assert_same_light(&scene, &look, &open(&out));
+            save(file, scene, look, &out);
+            assert_same_light(scene, look, &open(&out));
         }
         n_lights += look.lights.lights.len();
     }
@@ -249,14 +254,10 @@ fn turned_off(scene: &PreparedScene, look: &Look) -> Look {
 #[test]
 fn lights_that_are_off_keep_what_they_are_in_every_scene() {
     let mut n_lights = 0;
-    for file in files() {
-        let Ok(imported) = import::load(&file) else { continue };
-        let Ok((scene, _)) = PreparedScene::new(imported.scene, &[]) else { continue };
-        let mut look = set_all(&scene);
-        look.lights.lights.retain(|key, _| key != "sky" && key != "unlit");
-        let (folder, off) = (tempfile::tempdir().unwrap(), turned_off(&scene, &look));
+    for (file, scene, look) in &*WITH_LIGHTS {
+        let (folder, off) = (tempfile::tempdir().unwrap(), turned_off(scene, look));
         let out = folder.path().join("out.glb");
-        save(&file, &scene, &off, &out);
+        save(file, scene, &off, &out);
         let again = open(&out);
         let basis = &again.lighting.basis;
         let lit = (basis.project(&LightRig::default()), scene.lighting.basis.project(&look.lights));

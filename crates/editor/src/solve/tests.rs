@@ -1,4 +1,4 @@
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use clerestory_relight::Tone;
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
@@ -26,7 +26,7 @@ use crate::support::ROOM;
 const FILM: Film = Film { width: 32, height: 24 };
 
 /// The closed room of the process tests with three lamps: left, right, and a dim one at the back.
-fn room() -> Bake {
+static ROOM_BAKED: LazyLock<Bake> = LazyLock::new(|| {
     let scene = prepared();
     let camera = scene.scene.cameras[0].clone();
     // As it was sampled: grain tells two lights apart, and what is found is held against what went in to 3 %.
@@ -34,7 +34,7 @@ fn room() -> Bake {
     let irradiance = vec![IrradianceRows::Pixels, IrradianceRows::Grid(table())];
     let job = BakeJob { scene, camera, film: FILM, config, passes: Passes::FinalOnly, irradiance };
     job.run(|_| std::ops::ControlFlow::Continue(())).unwrap().unwrap()
-}
+});
 
 fn prepared() -> Arc<PreparedScene> {
     let mut gltf: Value = serde_json::from_str(ROOM).unwrap();
@@ -59,7 +59,7 @@ fn table() -> SensorGrid {
 }
 
 fn at(rig: LightRig) -> Scene {
-    Scene { bake: room(), rig, lamps: Vec::new(), seen: None }
+    Scene { bake: ROOM_BAKED.clone(), rig, lamps: Vec::new(), seen: None }
 }
 
 fn wish(place: Place, target: Target) -> Wish {

@@ -19,8 +19,8 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use crate::desk::{
-    Dropped, Kept, Window, ask_to_close, baked, click, drag, hints, open, open_again, open_with, quick, reach,
-    replace_and_reload, room, save_as, wait, wait_until,
+    Dropped, Kept, SMALL, Window, ask_to_close, baked, baked_larger, click, drag, hints, open, open_again, open_with,
+    quick, reach, replace_and_reload, room, save_as, wait, wait_until,
 };
 
 fn source() -> Source {
@@ -29,7 +29,7 @@ fn source() -> Source {
 
 #[test]
 fn what_a_bake_will_take_is_told_before_it_starts() {
-    let mut window = baked();
+    let mut window = baked_larger();
     assert_eq!(*window.state().session().forecast(), Forecast::None, "it was baked with these settings");
     let before = window.state().settings().config.tolerance_db;
     window.get_by_label("Tolerance").set_value_accesskit(26.0);
@@ -53,7 +53,7 @@ fn a_quality_is_chosen_by_its_name() {
 
 #[test]
 fn of_illuminance_that_a_finished_bake_lacks_that_alone_is_foreseen() {
-    let mut window = baked();
+    let mut window = baked_larger();
     let told = |app: &App| match app.session().forecast() {
         Forecast::Told(estimate) => Some(*estimate),
         _ => None,
@@ -92,7 +92,7 @@ fn what_was_baked_before_is_not_tried() {
 
 #[test]
 fn a_bake_that_does_not_fit_the_memory_says_so_and_is_not_begun() {
-    let mut window = baked();
+    let mut window = baked_larger();
     window.get_by_label("Tolerance").set_value_accesskit(26.0);
     wait(&mut window, |app| matches!(app.session().forecast(), Forecast::Told(_)));
     reach(&mut window, "At most");
@@ -169,7 +169,7 @@ fn the_size_and_the_quality_that_were_chosen_are_there_at_the_next_start() {
 
 #[test]
 fn maps_of_rank_layers_of_error_and_samples_lie_over_the_picture() {
-    let mut window = baked();
+    let mut window = baked_larger();
     let at = window.get_by_label("Picture").rect().center();
     let (header, maps) = {
         let shown = window.state().session().shown.as_ref().unwrap();
@@ -472,7 +472,7 @@ fn after_a_reload_only_a_new_lamp_is_traced() {
 
 #[test]
 fn the_lights_that_a_bake_knows_least_well_are_named_behind_it() {
-    let mut window = baked();
+    let mut window = baked_larger();
     let told = window.state().session().figures.as_ref().unwrap().column_error_db.clone().unwrap();
     let line = |light: &str, db: f32| format!("{light}, {db:.1} dB below peak");
     let worst = line(&told.worst[0].light, told.worst[0].db);
@@ -491,8 +491,7 @@ fn the_lights_that_a_bake_knows_least_well_are_named_behind_it() {
 
 #[test]
 fn who_is_new_is_welcomed_once_and_text_grows_as_wished() {
-    let film = Film { width: 64, height: 48 };
-    let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false, work_plane: None };
+    let settings = BakeSettings { camera_idx: 0, film: SMALL, config: quick(), illuminance: false, work_plane: None };
     let start = Start { welcome: true, ..Start::alone(source(), Some(settings)) };
     let mut window = Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap());
     wait(&mut window, |app| app.session().stage == Stage::Ready);

@@ -19,8 +19,9 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
 use crate::desk::{
-    Dropped, Kept, Window, ask_for, ask_for_menu, ask_to_close, baked, click, click_at, drag, hints, noisy_stage,
-    on_screen, open, open_with, pull, quick, quit_by_key, reach, replace_and_reload, room, save_as, type_over, wait,
+    Dropped, Kept, SMALL, Window, ask_for, ask_for_menu, ask_to_close, baked, baked_larger, click, click_at, drag,
+    hints, noisy_stage, on_screen, open, open_with, pull, quick, quit_by_key, reach, replace_and_reload, room, save_as,
+    type_over, wait,
 };
 
 #[test]
@@ -139,13 +140,8 @@ fn the_next_start_finds_the_window_as_it_was_left_and_welcomes_nobody_twice() {
     let opened = |kept: Kept| {
         // A window borrows it for as long as it lives.
         let kept: &'static Kept = Box::leak(Box::new(kept));
-        let settings = BakeSettings {
-            camera_idx: 0,
-            film: Film { width: 64, height: 48 },
-            config: quick(),
-            illuminance: false,
-            work_plane: None,
-        };
+        let config = quick();
+        let settings = BakeSettings { camera_idx: 0, film: SMALL, config, illuminance: false, work_plane: None };
         let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
         let start = Start { welcome: true, ..Start::alone(source, Some(settings)) };
         let builder = Harness::builder().with_size(vec2(1440.0, 900.0));
@@ -243,8 +239,8 @@ fn two_windows_of_a_user_keep_what_was_chosen_in_either() {
     let opened = |name: &str| {
         let path = folder.path().join(name);
         std::fs::write(&path, room()).unwrap();
-        let film = Film { width: 64, height: 48 };
-        let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false, work_plane: None };
+        let config = quick();
+        let settings = BakeSettings { camera_idx: 0, film: SMALL, config, illuminance: false, work_plane: None };
         let start = Start { state: Some(state.clone()), ..Start::alone(Source::File(path), Some(settings)) };
         let builder = Harness::builder().with_size(vec2(1440.0, 900.0));
         let mut window: Window = builder.build_eframe(|cc| App::new(cc, start).unwrap());
@@ -706,7 +702,7 @@ fn exposure_and_tone_are_part_of_the_look() {
 
 #[test]
 fn the_bar_tells_the_error_of_the_whole_and_of_half_of_it() {
-    let window = baked();
+    let window = baked_larger();
     let figures = window.state().session().figures.as_ref().unwrap();
     let (total, median) = (figures.error_db.total, figures.block_error_db.total.median);
     assert!(median > total, "a mean of squares is ruled by the worst: {median} {total}");
@@ -715,7 +711,7 @@ fn the_bar_tells_the_error_of_the_whole_and_of_half_of_it() {
 
 #[test]
 fn the_bar_tells_the_device_its_time_and_the_size_of_the_picture() {
-    let window = baked();
+    let window = baked_larger();
     for words in ["Relight: CPU", " ms", "64 × 48"] {
         assert!(window.query_all_by_label_contains(words).next().is_some(), "{words}");
     }
@@ -742,7 +738,7 @@ fn false_color_of_lux_that_were_not_baked_offers_to_bake_them() {
 
 #[test]
 fn false_color_of_lux_says_while_they_are_a_preview() {
-    let mut window = baked();
+    let mut window = baked_larger();
     show_false_color_of_lux(&mut window);
     for (label, number) in [("Samples per pixel", 4096.0), ("Tolerance", 80.0)] {
         window.get_by_label(label).set_value_accesskit(number);
@@ -789,7 +785,7 @@ fn white_balance_metering_and_false_color_are_part_of_the_look() {
 
 #[test]
 fn the_bake_tells_its_figures_and_can_be_started_again() {
-    let mut window = baked();
+    let mut window = baked_larger();
     let figures = window.state().session().figures.clone().unwrap();
     assert_eq!((figures.pixels, figures.columns, figures.blocks), (64 * 48, 17, 12));
     window.get_by_label("Save bake…");
@@ -1375,7 +1371,7 @@ fn a_scene_that_comes_waits_until_the_look_before_it_is_saved() {
 fn a_scene_that_comes_waits_until_the_file_of_the_one_before_it_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let (path, picture) = (gallery(folder.path()), folder.path().join("room.png"));
-    let mut window = baked();
+    let mut window = baked_larger();
     drop_all(&mut window, &[&path]);
     assert_is_opening(&window);
     ask_for(&mut window, "Export…", &picture);

@@ -5,7 +5,7 @@ use clerestory_transport::bake::BakeConfig;
 use eframe::egui::{Rangef, Rect, vec2};
 use egui_kittest::kittest::Queryable;
 
-use crate::desk::{Window, click, open_with, wait};
+use crate::desk::{Window, click, open_small, wait};
 
 /// Sizes of letters, of the usual one.
 const LETTERS: [f32; 4] = [1.0, 1.25, 1.5, 2.0];
@@ -15,7 +15,7 @@ const LEAST_FADER: f32 = 110.0;
 /// The gallery with its seventeen lights, in three groups and alone.
 fn gallery() -> Window {
     let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
-    let mut window = open_with(Source::BuiltIn, config, None);
+    let mut window = open_small(Source::BuiltIn, config);
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
     window
 }

@@ -21,6 +21,11 @@ use serde_json::{Value, json};
 
 pub type Window = Harness<'static, App>;
 
+/// Of a picture that only has to be there.
+pub const SMALL: Film = Film { width: 32, height: 24 };
+/// Of one whose pixels or blocks are counted, or whose bake is not to end at once.
+pub const LARGER: Film = Film { width: 64, height: 48 };
+
 /// The closed room of the process tests, with a panel of 4 × 4 texels under its ceiling.
 pub fn room() -> Vec<u8> {
     let mut gltf: Value = serde_json::from_str(include_str!("../room.gltf")).unwrap();
@@ -43,6 +48,16 @@ pub fn room() -> Vec<u8> {
 }
 
 pub fn open(source: Source) -> Window {
+    open_small(source, quick())
+}
+
+/// Opened and baked as asked, in few pixels.
+pub fn open_small(source: Source, config: BakeConfig) -> Window {
+    open_in(Harness::builder(), source, (SMALL, config), None)
+}
+
+/// Opened and baked in more of them.
+pub fn open_larger(source: Source) -> Window {
     open_with(source, quick(), None)
 }
 
@@ -51,20 +66,23 @@ pub fn quick() -> BakeConfig {
     BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() }
 }
 
-/// Opened and baked as asked, with a folder of the user's for unsaved looks and finished bakes.
+/// The same as asked, with a folder of the user's for unsaved looks and finished bakes.
 pub fn open_with(source: Source, config: BakeConfig, home: Option<&Path>) -> Window {
     open_by(Harness::builder(), source, config, home)
 }
 
 /// The same in a window that is being built, with a graphics device of its own for one.
 pub fn open_by(builder: HarnessBuilder<App>, source: Source, config: BakeConfig, home: Option<&Path>) -> Window {
-    let settings = BakeSettings {
-        camera_idx: 0,
-        film: Film { width: 64, height: 48 },
-        config,
-        illuminance: false,
-        work_plane: None,
-    };
+    open_in(builder, source, (LARGER, config), home)
+}
+
+fn open_in(
+    builder: HarnessBuilder<App>,
+    source: Source,
+    (film, config): (Film, BakeConfig),
+    home: Option<&Path>,
+) -> Window {
+    let settings = BakeSettings { camera_idx: 0, film, config, illuminance: false, work_plane: None };
     let unsaved = home.map(|home| home.join("unsaved"));
     let cache = home.map(|home| BakeCache::new(home.join("bakes"), 1 << 24));
     let start = Start { unsaved, cache, ..Start::alone(source, Some(settings)) };
@@ -73,15 +91,23 @@ pub fn open_by(builder: HarnessBuilder<App>, source: Source, config: BakeConfig,
 
 /// The room, baked, with its first picture.
 pub fn baked() -> Window {
-    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: room() });
+    shown(open(Source::Bytes { name: "room.gltf".into(), bytes: room() }))
+}
+
+/// The same in more pixels.
+pub fn baked_larger() -> Window {
+    shown(open_larger(Source::Bytes { name: "room.gltf".into(), bytes: room() }))
+}
+
+/// Once it is baked and has its first picture.
+fn shown(mut window: Window) -> Window {
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
     window
 }
 
 /// A file that is opened in a window that begins with what another one left.
 pub fn open_again(path: &Path, kept: Kept) -> Window {
-    let film = Film { width: 64, height: 48 };
-    let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false, work_plane: None };
+    let settings = BakeSettings { camera_idx: 0, film: SMALL, config: quick(), illuminance: false, work_plane: None };
     let kept: &'static Kept = Box::leak(Box::new(kept));
     let start = Start::alone(Source::File(path.into()), Some(settings));
     Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| {
@@ -100,12 +126,13 @@ pub fn wait(window: &mut Window, until: impl Fn(&App) -> bool) {
 /// Steps until the window shows something.
 #[track_caller]
 pub fn wait_until(window: &mut Window, until: impl Fn(&Window) -> bool) {
-    for _ in 0..40_000 {
+    for nth in 0..40_000 {
         window.step();
         if until(window) {
             return;
         }
-        std::thread::sleep(Duration::from_millis(2));
+        // What takes long gets the cores that looking for it would take.
+        std::thread::sleep(Duration::from_millis(if nth < 50 { 2 } else { 8 }));
     }
     panic!(
         "it never came about; the bake: {:?}, the stage: {:?}",

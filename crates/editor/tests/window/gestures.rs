@@ -162,7 +162,7 @@ fn on_a_trackpad_two_fingers_move_the_picture_once_it_is_larger_than_its_place()
     assert!(way.x < -10.0 && way.y > 6.0, "it goes along: {way}");
 }
 
-/// Film of the room's bake.
+/// A film of the shape of the room's pictures.
 const FILM: Film = Film { width: 64, height: 48 };
 /// What is in the middle of the view of the room, and how far away.
 const WALL: Vec3 = Vec3::new(0.0, 0.0, -1.0);

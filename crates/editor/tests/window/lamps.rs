@@ -20,8 +20,8 @@ use glam::Vec3;
 use serde_json::{Value, json};
 
 use crate::desk::{
-    Dropped, Window, ask_for, ask_for_menu, baked, click, drag, hints, is_framed, on_screen, open, open_with, quick,
-    reach, replace_and_reload, room, type_keys, type_over, wait, wait_until,
+    Dropped, Window, ask_for, ask_for_menu, baked, baked_larger, click, drag, hints, is_framed, on_screen, open,
+    open_with, quick, reach, replace_and_reload, room, type_keys, type_over, wait, wait_until,
 };
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
@@ -636,7 +636,7 @@ fn solo_darkens_what_is_not_soloed_among_lamps_and_lights_alike() {
 
 #[test]
 fn a_lamp_of_the_file_is_made_movable_and_shines_as_before() {
-    let mut window = baked();
+    let mut window = baked_larger();
     let before = window.state().shown_ev();
     click(&mut window, "Mute lamp");
     wait(&mut window, |app| app.is_settled() && app.shown_ev() > before + 0.5);
@@ -765,7 +765,7 @@ fn drag_to_the_wall(window: &mut Window) {
 
 #[test]
 fn a_soloed_lamp_of_the_file_that_is_dragged_stays_soloed_and_moves_its_light() {
-    let mut window = baked();
+    let mut window = baked_larger();
     click(&mut window, "Solo lamp");
     wait(&mut window, App::is_settled);
     let alone = window.state().shown_ev();
@@ -925,7 +925,7 @@ fn a_rectangle_is_turned_about_its_aim_and_keeps_its_frame_while_the_aim_is_type
 fn a_profile_from_the_menu_becomes_a_lamp() {
     let folder = tempfile::tempdir().unwrap();
     let ies = profile(folder.path());
-    let mut window = baked();
+    let mut window = baked_larger();
     let ev = window.state().shown_ev();
     click(&mut window, "Add lamp");
     ask_for(&mut window, "IES or LDT…", &ies);
@@ -1248,7 +1248,7 @@ fn a_profile_that_another_program_wrote_is_read_again_where_the_lamp_hangs() {
         "unit": "cd", "file": "down.ies" });
     let document = json!({ "clerestory": 1, "lights": { "lamp": { "muted": true } }, "lamps": [lamp] });
     std::fs::write(&look, document.to_string()).unwrap();
-    let mut window = baked();
+    let mut window = baked_larger();
     window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(look)));
     wait(&mut window, |app| app.look().lights.lamps.len() == 1 && app.is_settled());
     let (narrow, before) = (window.state().shown_ev(), lamps(&window));

@@ -14,8 +14,8 @@ use eframe::egui::{
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use crate::desk::{
-    Dropped, Kept, Window, ask_for, ask_to_close, baked, click, drag, hints, open_again, pull, quit_by_key, room,
-    save_as, type_over, wait, wait_until,
+    Dropped, Kept, Window, ask_for, ask_to_close, baked, baked_larger, click, drag, hints, open_again, pull,
+    quit_by_key, room, save_as, type_over, wait, wait_until,
 };
 
 fn names(window: &Window) -> Vec<&str> {
@@ -28,7 +28,11 @@ fn is_muted(window: &Window) -> bool {
 
 /// The room with two looks: as it is, and without its lamp, which is on.
 fn two_looks() -> Window {
-    let mut window = baked();
+    kept_twice(baked())
+}
+
+/// The same of a room that is baked already.
+fn kept_twice(mut window: Window) -> Window {
     click(&mut window, "Keep look");
     click(&mut window, "Mute lamp");
     click(&mut window, "Keep look");
@@ -38,7 +42,10 @@ fn two_looks() -> Window {
 
 /// The same with both on the timeline.
 fn two_keys() -> Window {
-    let mut window = two_looks();
+    on_the_timeline(two_looks())
+}
+
+fn on_the_timeline(mut window: Window) -> Window {
     click(&mut window, "Timeline");
     for name in ["Look", "Look 2"] {
         click(&mut window, "Add key");
@@ -521,7 +528,7 @@ fn each_side_of_a_comparison_in_false_color_has_a_scale_of_its_own() {
 
 #[test]
 fn what_is_read_in_a_comparison_is_of_the_side_under_the_pointer() {
-    let mut window = two_looks();
+    let mut window = kept_twice(baked_larger());
     compare(&mut window);
     let middle = area_of(&window, "Picture").center();
     let places = [middle + vec2(-170.0, 90.0), middle + vec2(170.0, 90.0)];
@@ -569,7 +576,7 @@ fn what_is_read_in_a_comparison_is_of_the_side_under_the_pointer() {
 
 #[test]
 fn a_solo_counts_on_both_sides_of_a_comparison() {
-    let mut window = two_looks();
+    let mut window = kept_twice(baked_larger());
     click(&mut window, "Solo panel");
     compare(&mut window);
     click(&mut window, "Side by side");
@@ -580,7 +587,7 @@ fn a_solo_counts_on_both_sides_of_a_comparison() {
 
 #[test]
 fn a_lamp_that_one_side_alone_has_is_counted_there() {
-    let mut window = baked();
+    let mut window = baked_larger();
     click(&mut window, "Add lamp");
     click(&mut window, "Point");
     wait(&mut window, |app| app.is_settled());
@@ -648,7 +655,7 @@ fn lights_have_handles_on_the_side_that_shows_them_as_they_are() {
 
 #[test]
 fn the_picture_on_the_right_is_zoomed_and_moved_as_that_on_the_left() {
-    let mut window = two_looks();
+    let mut window = kept_twice(baked_larger());
     compare(&mut window);
     click(&mut window, "Side by side");
     let [left, right] = ["Picture", "Picture on the right"].map(|label| area_of(&window, label).center());
@@ -813,7 +820,7 @@ fn a_cross_fade_lights_the_scene_and_is_one_step_of_undo() {
 
 #[test]
 fn the_timeline_is_shown_played_and_written_without_an_edit() {
-    let mut window = two_keys();
+    let mut window = on_the_timeline(kept_twice(baked_larger()));
     assert_eq!(window.state().look().timeline.end_secs(), 2.0);
     wait(&mut window, |app| app.is_settled());
     let (look, ev_dark) = (window.state().look().clone(), window.state().shown_ev());
@@ -1029,7 +1036,7 @@ fn a_moment_is_taken_over_as_the_way_to_the_next_key_has_it_and_frames_are_cance
 
 /// Frames of two minutes that are being written, more than any test waits for.
 fn writing_for_long() -> (Window, tempfile::TempDir) {
-    let mut window = two_keys();
+    let mut window = on_the_timeline(kept_twice(baked_larger()));
     window.get_by_label("Frames per second").set_value_accesskit(240.0);
     window.get_by_label("Time of the key").set_value_accesskit(120.0);
     window.run_steps(3);
@@ -1093,7 +1100,7 @@ fn the_key_that_closes_asks_before_frames_are_given_up_and_those_that_are_there_
 
 #[test]
 fn a_sheet_shows_every_look_once() {
-    let mut window = two_looks();
+    let mut window = kept_twice(baked_larger());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sheet.png");
     save_as(&mut window, "Contact sheet…", &path);

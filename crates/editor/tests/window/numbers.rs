@@ -12,7 +12,8 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use crate::desk::{
-    Dropped, Window, ask_for, baked, click, drag, reach, room, save_as, there_and_back, type_keys, type_over, wait,
+    Dropped, Window, ask_for, baked, baked_larger, click, drag, reach, room, save_as, there_and_back, type_keys,
+    type_over, wait,
 };
 
 fn intensity(window: &Window) -> f32 {
@@ -268,7 +269,7 @@ fn the_scale_of_false_color_keeps_its_lower_end() {
 #[test]
 fn a_part_of_the_picture_stays_the_same_part_at_another_width() {
     let folder = tempfile::tempdir().unwrap();
-    let mut window = baked();
+    let mut window = baked_larger();
     ask_for(&mut window, "Export…", &folder.path().join("room.png"));
     click(&mut window, "Region");
     let region = |app: &App| app.export_options().region.unwrap();
@@ -340,7 +341,7 @@ fn numbers_of_a_look_that_no_hand_would_set_stay() {
 fn what_is_typed_in_a_dialog_counts_for_the_button_that_is_clicked_next() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.png");
-    let mut window = baked();
+    let mut window = baked_larger();
     ask_for(&mut window, "Export…", &path);
     type_keys(&mut window, "Width of the file", "32");
     click(&mut window, "Save");
@@ -473,7 +474,7 @@ fn what_is_typed_for_a_spot_goes_to_that_spot() {
 fn keys_that_bake_save_and_close_wait_until_what_is_typed_is_taken() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.look");
-    let mut window = baked();
+    let mut window = baked_larger();
     save_as(&mut window, "Save look…", &path);
     wait(&mut window, |_| path.exists());
     type_keys(&mut window, "lamp factor", "7");
@@ -555,7 +556,7 @@ fn digits_that_are_shown_count_where_they_are_typed() {
 #[test]
 fn escape_that_closes_the_list_of_keys_gives_up_what_is_typed_below_it() {
     let folder = tempfile::tempdir().unwrap();
-    let mut window = baked();
+    let mut window = baked_larger();
     ask_for(&mut window, "Export…", &folder.path().join("room.png"));
     type_keys(&mut window, "Width of the file", "32");
     window.key_press(Key::F1);

@@ -16,13 +16,15 @@ use exr::meta::attribute::SampleType;
 use exr::prelude::{Compression, ReadChannels, ReadLayers};
 use serde_json::json;
 
-use crate::desk::{Window, ask_for, baked, click, drag, open_with, quick, room, save_as, wait, wait_until};
+use crate::desk::{
+    Window, ask_for, baked, baked_larger, click, drag, open_with, quick, room, save_as, wait, wait_until,
+};
 
 #[test]
 fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.png");
-    let mut window = baked();
+    let mut window = baked_larger();
     ask_for(&mut window, "Export…", &path);
     click(&mut window, "OpenEXR");
     let hint = window.get_by_label_contains("exposure and tone are not applied").rect();
@@ -150,7 +152,7 @@ fn each_lamp_that_was_added_has_a_layer_of_its_own_and_all_add_up_to_the_picture
 fn a_png_of_a_smaller_size_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.png");
-    let mut window = baked();
+    let mut window = baked_larger();
     ask_for(&mut window, "Export…", &path);
     click(&mut window, "16 bits");
     window.get_by_label("Width of the file").set_value_accesskit(32.0);
@@ -321,7 +323,7 @@ fn names_with_dots_and_signs_are_taken_as_they_are_and_frames_get_their_ending()
 
 #[test]
 fn a_region_is_taken_from_what_is_marked_or_in_sight() {
-    let mut window = baked();
+    let mut window = baked_larger();
     let region = |window: &Window| window.state().export_options().region;
     click(&mut window, "Export…");
     for label in ["As marked", "As shown"] {
@@ -359,7 +361,7 @@ fn a_region_is_taken_from_what_is_marked_or_in_sight() {
 
 #[test]
 fn the_picture_is_copied_as_it_is_seen() {
-    let mut window = baked();
+    let mut window = baked_larger();
     let copied = |window: &mut Window| {
         for _ in 0..2000 {
             window.step();

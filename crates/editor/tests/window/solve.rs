@@ -20,13 +20,18 @@ use glam::Vec3;
 use serde_json::json;
 
 use crate::desk::{
-    Dropped, Kept, Window, baked, click, click_at, drag, on_screen, pull, quick, reach, replace_and_reload, room,
-    save_as, type_over, wait, wait_until,
+    Dropped, Kept, SMALL, Window, baked, click, click_at, drag, on_screen, pull, quick, reach, replace_and_reload,
+    room, save_as, type_over, wait, wait_until,
 };
 
 /// The room, baked with the light that arrives.
 fn measured() -> Window {
     measured_in(Film { width: 64, height: 48 }, quick())
+}
+
+/// The same in few pixels, for those who count none.
+fn measured_small() -> Window {
+    measured_in(SMALL, quick())
 }
 
 fn measured_in(film: Film, config: BakeConfig) -> Window {
@@ -36,6 +41,11 @@ fn measured_in(film: Film, config: BakeConfig) -> Window {
 /// The same from anywhere, at a multiple of its usual size.
 fn measured_at(source: Source, scale: u32) -> Window {
     measured_of(source, Film { width: 64 * scale, height: 48 * scale }, quick())
+}
+
+/// The same in few pixels.
+fn measured_small_at(source: Source) -> Window {
+    measured_of(source, SMALL, quick())
 }
 
 fn measured_of(source: Source, film: Film, config: BakeConfig) -> Window {
@@ -85,7 +95,7 @@ fn a_marked_rectangle_is_measured_in_lux_and_follows_the_lights() {
 
 #[test]
 fn a_rectangle_that_the_camera_takes_out_of_hand_marks_nothing() {
-    let mut window = measured();
+    let mut window = measured_small();
     click(&mut window, "Measure");
     window.get_all_by_label("Rectangle").next().unwrap().click();
     window.run_steps(3);
@@ -148,7 +158,7 @@ fn no_lux_is_told_of_a_place_while_the_light_of_lamps_is_not_there_yet() {
 #[test]
 fn figures_say_that_they_are_of_the_lights_now_while_another_look_is_seen_beside_them() {
     const WORDS: &str = "Under the lights as they are now";
-    let mut window = measured();
+    let mut window = measured_small();
     click(&mut window, "Measure");
     mark(&mut window);
     click(&mut window, "Keep look");
@@ -268,7 +278,7 @@ fn no_light_gets_below_its_least_factor_and_the_rest_is_kept_as_much_as_asked() 
 
 #[test]
 fn colors_may_change_where_that_is_wished_and_within_a_saturation() {
-    let mut window = measured();
+    let mut window = measured_small();
     click(&mut window, "Solve for light");
     let colors = |window: &Window| window.state().look().wishes.colors;
     assert_eq!(colors(&window), None);
@@ -283,7 +293,7 @@ fn colors_may_change_where_that_is_wished_and_within_a_saturation() {
 
 #[test]
 fn none_of_the_lights_may_change_or_all_of_them() {
-    let mut window = measured();
+    let mut window = measured_small();
     click(&mut window, "Solve for light");
     window.get_by_label("Lights to change (2 of 2)").scroll_to_me();
     window.run_steps(8);
@@ -299,7 +309,7 @@ fn none_of_the_lights_may_change_or_all_of_them() {
 
 #[test]
 fn solving_waits_until_all_lights_are_heard() {
-    let mut window = measured();
+    let mut window = measured_small();
     click(&mut window, "Solve for light");
     mark(&mut window);
     click(&mut window, "Add wish");
@@ -365,7 +375,7 @@ fn solving_that_waits_is_given_up_where_other_lights_are_shown() {
 #[test]
 fn why_nothing_was_found_is_said_until_something_else_is_wished_for() {
     const WHY: &str = "no light may change; choose one that is not muted";
-    let mut window = measured();
+    let mut window = measured_small();
     click(&mut window, "Solve for light");
     mark(&mut window);
     wish_times(&mut window, 2.0);
@@ -383,7 +393,7 @@ fn why_nothing_was_found_is_said_until_something_else_is_wished_for() {
 
 #[test]
 fn what_was_found_can_be_left_and_wishes_removed() {
-    let mut window = measured();
+    let mut window = measured_small();
     click(&mut window, "Solve for light");
     mark(&mut window);
     click(&mut window, "Add wish");
@@ -741,7 +751,7 @@ fn a_floor_area_that_was_typed_is_that_of_one_scene() {
     let path = with_table(folder.path()).0;
     let other = folder.path().join("other.gltf");
     std::fs::copy(&path, &other).unwrap();
-    let mut window = measured_at(Source::File(path), 1);
+    let mut window = measured_small_at(Source::File(path));
     click(&mut window, "Measure");
     window.get_by_label("Floor area").set_value_accesskit(2.5);
     window.run_steps(3);
@@ -755,7 +765,7 @@ fn a_floor_area_that_was_typed_is_that_of_one_scene() {
 
 #[test]
 fn the_floor_is_measured_once_somebody_looks_where_its_area_is_told() {
-    let mut window = measured();
+    let mut window = measured_small();
     window.run_steps(20);
     assert!(window.state().floor_area_m2().is_none() && !window.state().is_solving(), "nobody asked");
     click(&mut window, "Measure");
@@ -768,7 +778,7 @@ fn the_floor_is_measured_once_somebody_looks_where_its_area_is_told() {
 fn a_work_plane_stays_on_its_object_when_the_file_changes_and_goes_with_it() {
     let folder = tempfile::tempdir().unwrap();
     let (path, mut gltf) = with_table(folder.path());
-    let mut window = measured_at(Source::File(path.clone()), 1);
+    let mut window = measured_small_at(Source::File(path.clone()));
     click(&mut window, "Measure");
     mark_table(&mut window);
     click(&mut window, "Work plane");
@@ -811,7 +821,7 @@ fn a_work_plane_stays_on_its_object_when_the_file_changes_and_goes_with_it() {
 fn a_work_plane_is_part_of_the_look_with_undo_and_comes_back_with_it_and_with_its_scene() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, look) = (with_table(folder.path()).0, folder.path().join("a.look"));
-    let mut window = measured_at(Source::File(scene.clone()), 1);
+    let mut window = measured_small_at(Source::File(scene.clone()));
     click(&mut window, "Measure");
     mark_table(&mut window);
     click(&mut window, "Work plane");
@@ -868,7 +878,7 @@ fn a_work_plane_is_part_of_the_look_with_undo_and_comes_back_with_it_and_with_it
 fn what_is_set_for_the_schedule_is_there_at_the_next_start() {
     let folder = tempfile::tempdir().unwrap();
     let scene = with_table(folder.path()).0;
-    let mut window = measured_at(Source::File(scene.clone()), 1);
+    let mut window = measured_small_at(Source::File(scene.clone()));
     click(&mut window, "Measure");
     click(&mut window, "Per type");
     window.get_by_label("Efficacy").set_value_accesskit(80.0);
@@ -887,7 +897,7 @@ fn what_is_set_for_the_schedule_is_there_at_the_next_start() {
 
 #[test]
 fn a_schedule_is_written_by_lamp_or_by_type() {
-    let mut window = measured();
+    let mut window = measured_small();
     let folder = tempfile::tempdir().unwrap();
     click(&mut window, "Measure");
     let written = |window: &mut Window, name: &str| {

@@ -15,8 +15,8 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
 use crate::desk::{
-    Window, ask_for_menu, ask_to_close, baked, click, click_at, drag, is_framed, on_screen, open, reach,
-    replace_and_reload, room, type_keys, wait,
+    Window, ask_for_menu, ask_to_close, baked, baked_larger, click, click_at, drag, is_framed, on_screen, open,
+    open_larger, reach, replace_and_reload, room, type_keys, wait,
 };
 
 /// A place on the back wall that no panel hides.
@@ -24,7 +24,7 @@ const WALL: Vec3 = Vec3::new(-0.6, -0.4, -1.0);
 
 #[test]
 fn what_the_lights_bring_to_a_pixel_is_the_pixel() {
-    let window = baked();
+    let window = baked_larger();
     let shown = window.state().session().shown.as_ref().unwrap();
     let mut rig = LightRig::default();
     let setting = LightSetting { intensity: 0.3, color: Some([0.2, 1.0, 0.1]), ..LightSetting::default() };
@@ -112,7 +112,7 @@ fn all_lights_that_reach_a_place_are_listed() {
     let roots = gltf["scenes"][0]["nodes"].as_array_mut().unwrap();
     roots.extend((first..first + 10).map(serde_json::Value::from));
     let source = Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() };
-    let mut window = open(source);
+    let mut window = open_larger(source);
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
     let at = on_screen(&window, WALL);
     click_at(&mut window, at);
@@ -184,7 +184,7 @@ fn measured(window: &Window) -> Option<([i32; 2], String)> {
 
 #[test]
 fn a_picture_that_has_the_keyboard_is_asked_without_a_pointer() {
-    let mut window = baked();
+    let mut window = baked_larger();
     let press = |window: &mut Window, modifiers: Modifiers, key: Key| {
         window.key_press_modifiers(modifiers, key);
         window.run_steps(4);
@@ -233,7 +233,7 @@ fn under(window: &mut Window, at: Pos2) -> String {
 
 #[test]
 fn a_region_is_zoomed_to_and_the_whole_picture_comes_back() {
-    let mut window = baked();
+    let mut window = baked_larger();
     let area = window.get_by_label("Picture").rect();
     let from = area.center() + vec2(40.0, 20.0);
     let (middle, corner) = (from + vec2(50.0, 35.0), area.center() - vec2(200.0, 150.0));
@@ -259,7 +259,7 @@ fn a_region_is_zoomed_to_and_the_whole_picture_comes_back() {
 
 #[test]
 fn the_menu_of_the_picture_pins_a_probe_and_shows_each_pixel_or_all_of_them() {
-    let mut window = baked();
+    let mut window = baked_larger();
     let from_menu = |window: &mut Window, pos: Pos2, item: &str| {
         ask_for_menu(window, pos);
         click(window, item);
@@ -280,7 +280,7 @@ fn the_menu_of_the_picture_pins_a_probe_and_shows_each_pixel_or_all_of_them() {
 
 #[test]
 fn the_menu_of_the_picture_zooms_to_the_rectangle_that_is_dragged_next() {
-    let mut window = baked();
+    let mut window = baked_larger();
     let ask = |window: &mut Window, at: Pos2| {
         ask_for_menu(window, at);
         click(window, "Zoom to a rectangle");
@@ -341,7 +341,7 @@ fn bake_view(window: &mut Window) {
 
 #[test]
 fn a_view_is_looked_for_baked_and_kept_beside_the_first() {
-    let mut window = baked();
+    let mut window = baked_larger();
     let first = shown_camera(&window);
     click(&mut window, "Mute panel");
     let look = window.state().look().clone();
@@ -433,8 +433,8 @@ fn the_cameras_of_the_file_are_listed_and_the_room_is_seen_from_the_one_that_is_
 }
 
 #[test]
-fn another_view_can_be_looked_at_while_one_is_baked() {
-    let mut window = baked();
+fn another_view_can_be_looked_at_while_one_is_baked_larger() {
+    let mut window = baked_larger();
     let first = shown_camera(&window);
     turn_camera(&mut window);
     let turned = window.state().camera().unwrap().clone();

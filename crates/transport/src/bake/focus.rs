@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn who_leaves_hears_of_no_block_any_more_whatever_the_stage() {
         let job = BakeJob {
-            config: BakeConfig { patches: 16, ..BakeConfig::default() },
+            config: BakeConfig { spp: 32, patches: 16, ..BakeConfig::default() },
             ..job(Film { width: 64, height: 48 })
         };
         let job = BakeJob { irradiance: vec![IrradianceRows::Pixels], ..job };

@@ -40,7 +40,7 @@ fn picture(bake: &Bake) -> Vec<f32> {
 #[test]
 fn a_denoised_bake_has_less_error_and_as_much_light() {
     let [plain, smooth] = [false, true].map(|denoise| baked(job(2, denoise)));
-    let truth = picture(&baked(job(512, false)));
+    let truth = picture(&baked(job(128, false)));
     let error = |bake: &Bake| -> f64 {
         picture(bake).iter().zip(&truth).map(|(x, t)| f64::from(x - t).powi(2)).sum::<f64>() / truth.len() as f64
     };

@@ -540,7 +540,7 @@ fn irradiance_comes_once_more_with_less_noise_as_a_preview_and_as_it_stays() {
         relit(&of_rows, 0).iter().zip(truth).map(|(lux, truth)| (lux - truth).powi(2)).sum()
     };
     let mut exact = job(&scene, vec![IrradianceRows::Pixels], Indirect::Traced);
-    (exact.film, exact.config.spp, exact.config.denoise) = (film, 256, false);
+    (exact.film, exact.config.spp, exact.config.denoise) = (film, 128, false);
     let truth = relit(&exact.run(|_| ControlFlow::Continue(())).unwrap().unwrap(), 0);
     let [before, after] = [0, 1].map(|nth| error(&previews[nth], &truth));
     assert!(after < 0.7 * before, "preview {before:e} {after:e}");

@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use clerestory_nystrom::{BlockFactors, BlockLowRank, Half, SampledMatrix};
 use glam::Vec3;
@@ -74,8 +74,18 @@ fn job(scene: &Arc<PreparedScene>, spp: u32, patches: u32) -> BakeJob {
     BakeJob { scene: scene.clone(), camera: scene.scene.cameras[0].clone(), film: FILM, config, passes, irradiance }
 }
 
-pub(super) fn baked(scene: &Arc<PreparedScene>, spp: u32, patches: u32) -> Bake {
+fn baked(scene: &Arc<PreparedScene>, spp: u32, patches: u32) -> Bake {
     job(scene, spp, patches).run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
+}
+
+/// The furnished room and a bake of it with 512 patches, made once for all laws that look at its patches alone.
+pub(super) fn furnished_and_baked() -> &'static (Arc<PreparedScene>, Bake) {
+    static BAKED: LazyLock<(Arc<PreparedScene>, Bake)> = LazyLock::new(|| {
+        let scene = Arc::new(furnished().prepared());
+        let bake = baked(&scene, 16, 512);
+        (scene, bake)
+    });
+    &BAKED
 }
 
 /// Irradiance of a lamp of 1 cd, at most as that 1 cm away.
@@ -396,15 +406,14 @@ fn assert_even(what: &str, picture: impl Fn(f32) -> Vec<f32>, [most, most_change
 fn while_a_lamp_moves_evenly_the_picture_does() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("one-sided.ies"), ONE_SIDED).expect("the folder can be written");
-    let scene = Arc::new(furnished().prepared());
-    let bake = baked(&scene, 16, 512);
+    let (scene, bake) = furnished_and_baked();
     // Down from the middle of the room to a hand above the floor, past the edge of the table.
     let [from, to] = [Vec3::new(-1.1, 0.8, 0.4), Vec3::new(-1.1, -1.1, 0.5)];
     for shape in [LampShape::Point, LampShape::Profile { file: "one-sided.ies".into() }] {
         let picture = |t: f32| {
             let position = from.lerp(to, t);
             let aim = position + Vec3::new(0.2, -1.0, -0.4);
-            by_lamp(&scene, &bake, FreeLamp { position, aim, ..lamp(shape.clone()) }, Some(folder.path()))
+            by_lamp(scene, bake, FreeLamp { position, aim, ..lamp(shape.clone()) }, Some(folder.path()))
         };
         assert_even(&format!("{shape:?}"), picture, [1.4, 0.06, 0.2]);
     }
@@ -438,10 +447,9 @@ pub(super) fn middles(mut samples: &[PatchSample]) -> Vec<(Vec3, Vec3)> {
 
 #[test]
 fn a_lamp_where_none_should_be_makes_no_flash() {
-    let scene = Arc::new(furnished().prepared());
-    let bake = baked(&scene, 16, 512);
+    let (scene, bake) = furnished_and_baked();
     let size = |position: Vec3| {
-        let picture = by_lamp(&scene, &bake, FreeLamp { position, ..lamp(LampShape::Point) }, None);
+        let picture = by_lamp(scene, bake, FreeLamp { position, ..lamp(LampShape::Point) }, None);
         assert!(picture.iter().all(|x| x.is_finite()), "{position}");
         size(&picture)
     };

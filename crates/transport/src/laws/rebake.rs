@@ -1,7 +1,7 @@
 //! A bake that takes columns over from an earlier one is the bake of its scene.
 
 use std::ops::ControlFlow;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use clerestory_nystrom::BlockFactors;
 use glam::{Affine2, Vec3};
@@ -93,6 +93,12 @@ fn baked(job: BakeJob) -> Bake {
     job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
 }
 
+/// The bake of the room as it is, made once for all laws.
+fn room_baked() -> &'static Bake {
+    static BAKED: LazyLock<Bake> = LazyLock::new(|| baked(job(scene(|_| {}))));
+    &BAKED
+}
+
 /// The bake of a job with what an earlier one has, and how many of its columns were traced.
 fn rebaked(job: BakeJob, earlier: &Bake) -> (Bake, usize) {
     let reuse = job.reuse(earlier).expect("something is the same");
@@ -150,8 +156,8 @@ const OLD: [&str; 4] = ["strip", "left", "right", "panel"];
 
 #[test]
 fn a_new_lamp_is_traced_alone_and_the_other_columns_stay_to_the_last_bit() {
-    let earlier = baked(job(scene(|_| {})));
-    let (again, n_traced) = rebaked(job(scene(add_lamp)), &earlier);
+    let earlier = room_baked();
+    let (again, n_traced) = rebaked(job(scene(add_lamp)), earlier);
     assert_eq!(n_traced, 1);
     let skipped = again.figures().skipped;
     assert_eq!(skipped.reused_columns, 19);
@@ -160,7 +166,7 @@ fn a_new_lamp_is_traced_alone_and_the_other_columns_stay_to_the_last_bit() {
     assert_eq!(earlier.figures().skipped.reused_connections_saved, 0.0);
     assert_eq!(again.header.column_error.len(), again.header.basis.n_cols(), "errors of old and new columns");
     for key in OLD {
-        assert!((0..2).all(|matrix| column(&again, matrix, key) == column(&earlier, matrix, key)), "{key}");
+        assert!((0..2).all(|matrix| column(&again, matrix, key) == column(earlier, matrix, key)), "{key}");
     }
     for (kept, before) in again.groups.iter().zip(&earlier.groups) {
         assert!(kept.blocks == before.blocks, "its factors are the same");
@@ -195,7 +201,7 @@ fn a_connection_that_a_dark_lamp_saves_is_not_saved_once_more_by_its_earlier_bak
 
 #[test]
 fn samples_are_told_over_all_columns_whoever_traced_them() {
-    let all = baked(job(scene(|_| {})));
+    let all = room_baked();
     let mut joined = all.clone();
     // Columns of a panel that took half of the samples.
     for block in joined.groups[1].blocks.iter_mut().flatten() {
@@ -203,19 +209,19 @@ fn samples_are_told_over_all_columns_whoever_traced_them() {
     }
     let samples = |bake: &Bake| bake.block_map(BlockMap::Samples)[0].expect("its blocks are there");
     let [lamps, panel] = [0, 1].map(|group| all.groups[group].n_cols as f32);
-    let expected = samples(&all) * (lamps + 0.5 * panel) / (lamps + panel);
+    let expected = samples(all) * (lamps + 0.5 * panel) / (lamps + panel);
     assert!((samples(&joined) - expected).abs() < 1e-3, "{} is not {expected}", samples(&joined));
-    let [whole, less] = [&all, &joined].map(|bake| bake.figures().skipped);
+    let [whole, less] = [all, &joined].map(|bake| bake.figures().skipped);
     assert!(less.samples_saved > whole.samples_saved + 0.1, "{} and {}", less.samples_saved, whole.samples_saved);
     assert_eq!(less.converged_blocks, joined.groups[1].blocks.len());
 }
 
 #[test]
 fn what_a_file_says_of_strength_color_and_name_needs_no_rays() {
-    let earlier = baked(job(scene(|_| {})));
-    let (again, n_traced) = rebaked(job(scene(other_strengths)), &earlier);
+    let earlier = room_baked();
+    let (again, n_traced) = rebaked(job(scene(other_strengths)), earlier);
     assert_eq!(n_traced, 0);
-    assert!(column(&again, 0, "renamed") == column(&earlier, 0, "left"));
+    assert!(column(&again, 0, "renamed") == column(earlier, 0, "left"));
 }
 
 /// What changes a scene, and the lights that are looked at then.
@@ -237,22 +243,22 @@ fn what_is_taken_over_has_the_light_of_a_bake_from_scratch() {
 
 #[test]
 fn a_lamp_that_is_gone_leaves_its_group_and_one_that_moved_is_traced_again() {
-    let earlier = baked(job(scene(|_| {})));
+    let earlier = room_baked();
     let gone = |scene: &mut Scene| {
         scene.punctual.remove(0);
     };
-    let (again, n_traced) = rebaked(job(scene(gone)), &earlier);
+    let (again, n_traced) = rebaked(job(scene(gone)), earlier);
     assert!(n_traced == 0 && again.header.basis.source("left").is_none());
-    assert!(column(&again, 0, "panel") == column(&earlier, 0, "panel"));
+    assert!(column(&again, 0, "panel") == column(earlier, 0, "panel"));
     // Its group was packed again: that costs a share of the error, which it tells.
     let error = |bake: &Bake| bake.figures().error_db.total;
-    assert!(error(&again) > error(&earlier) - 1.0, "{} after {}", error(&again), error(&earlier));
-    let (a, b) = (column(&again, 0, "right"), column(&earlier, 0, "right"));
+    assert!(error(&again) > error(earlier) - 1.0, "{} after {}", error(&again), error(earlier));
+    let (a, b) = (column(&again, 0, "right"), column(earlier, 0, "right"));
     let square = |values: &mut dyn Iterator<Item = f32>| values.map(|x| f64::from(x).powi(2)).sum::<f64>();
     let off = square(&mut a.iter().zip(&b).map(|(a, b)| a - b)) / square(&mut b.iter().copied());
     assert!(off < 1e-3, "packed again, it is off by {off} of its square");
 
-    let (_, n_traced) = rebaked(job(scene(lower_a_lamp)), &earlier);
+    let (_, n_traced) = rebaked(job(scene(lower_a_lamp)), earlier);
     assert_eq!(n_traced, 1);
 }
 
@@ -275,8 +281,8 @@ fn lamps_that_had_a_rank_in_common_have_it_where_few_of_them_are_left() {
 
 #[test]
 fn what_every_column_sees_is_never_taken_over_when_it_has_changed() {
-    let earlier = baked(job(scene(|_| {})));
-    let why = |job: BakeJob| job.reuse(&earlier).err();
+    let earlier = room_baked();
+    let why = |job: BakeJob| job.reuse(earlier).err();
     assert_eq!(why(job(scene(|_| {}))), None);
     let table = 12;
     assert_eq!(why(job(scene(|s| s.mesh.positions[3 * table].y -= 1e-4))), Some(NothingKept::Surfaces));
@@ -415,7 +421,8 @@ fn rows_of_irradiance_come_to_a_bake_that_has_none_and_leave_its_picture_alone()
             let request = IrradianceRequest { of_file: OfFile::All, nodes: Vec::new(), work_planes };
             let irradiance = request.rows(&job.scene).expect("the room has a floor");
             let config = BakeConfig { spp: 8, indirect, patches, ..job.config };
-            BakeJob { irradiance, config, passes: Passes::Progressive, ..job }
+            let (film, passes) = (Film { width: 32, height: 16 }, Passes::Progressive);
+            BakeJob { irradiance, config, passes, film, ..job }
         };
         let whole = baked(sensors(job(scene(|_| {}))));
         let job = sensors(job(scene(|_| {})));
@@ -597,9 +604,9 @@ fn a_lamp_that_was_off_is_traced_once_it_is_on() {
 
 #[test]
 fn a_stopped_bake_of_what_is_new_goes_on_and_the_events_are_of_the_whole() {
-    let earlier = baked(job(scene(|_| {})));
+    let earlier = room_baked();
     let again = || job(scene(add_lamp));
-    let reuse = again().reuse(&earlier).expect("something is the same");
+    let reuse = again().reuse(earlier).expect("something is the same");
     let begun = half_done(again(), &reuse, 3);
     let shape = |factors: &Vec<Arc<BlockFactors>>| factors.iter().map(|f| f.n_cols as usize).collect::<Vec<_>>();
     let groups: Vec<usize> = begun.header.basis.groups.iter().map(|group| group.columns.len()).collect();
@@ -611,7 +618,7 @@ fn a_stopped_bake_of_what_is_new_goes_on_and_the_events_are_of_the_whole() {
         ControlFlow::Continue(())
     });
     let resumed = resumed.expect("the job is valid").expect("nobody stops it");
-    assert_eq!(bytes_of(&resumed), bytes_of(&rebaked(again(), &earlier).0));
+    assert_eq!(bytes_of(&resumed), bytes_of(&rebaked(again(), earlier).0));
     assert!(n_told == 6 && n_traced < 6 + 6, "{n_told} blocks, {n_traced} of both matrices traced");
 }
 

@@ -16,7 +16,7 @@ use super::desk::{Desk, cpu_name};
 /// Width, height, columns, rank, and how many bytes an entry of the factors takes.
 type Job = [u32; 5];
 
-const QUICK: [Job; 3] = [[256, 192, 256, 4, 2], [512, 384, 256, 8, 2], [512, 384, 256, 8, 1]];
+const QUICK: [Job; 2] = [[256, 192, 256, 4, 2], [256, 192, 256, 4, 1]];
 const FULL: [Job; 11] = [
     [512, 384, 256, 4, 2],
     [1024, 768, 256, 4, 2],
@@ -33,7 +33,7 @@ const FULL: [Job; 11] = [
 /// Pixels of the largest job for a device that is none.
 const SOFTWARE_PIXELS: u32 = 1024 * 768;
 /// Turns of each job, in a hurry and else; the probe of memory is read once in each, so that other work on the machine meets both.
-const TURNS: [usize; 2] = [4, 12];
+const TURNS: [usize; 2] = [2, 12];
 /// Seeds of the coefficients of a turn, more than it has steps.
 const SEEDS_OF_TURN: usize = 100;
 /// Bytes of the probe of memory, far more than caches hold.
