@@ -54,7 +54,7 @@ fn assert_every_plan_finds(scene: &PreparedScene, expected: f64, bounces: Option
     let weights = file_light(scene);
     let walks = |streams| Walks { spp: 16, ..Walks::of_one_pixel(streams, bounces) };
     let n_cols = weights.len() as u32;
-    for (rate, splits, streams) in [(0.0, 1, 50_000), (0.5, 1, 20_000), (1.0, 3, 8000), (16.0, 1, 2400)] {
+    for (rate, splits, streams) in [(0.0, 1, 100_000), (0.5, 1, 20_000), (1.0, 3, 8000), (16.0, 1, 2400)] {
         let plan = Even { n_cols, rate, splits };
         let what = format!("{rate} picks of each column, {splits} walks on");
         walks(streams).assert_mean(scene, &plan, &weights, (expected, SHARP), &what);

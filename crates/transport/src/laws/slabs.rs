@@ -120,7 +120,7 @@ fn every_plan_finds_the_light_of_a_square_behind_a_slab() {
     let expected = 5.0 * f64::from(ALBEDO) / PI * 2.0 * PI * sum * 0.5 * PI / f64::from(n);
     let weights = file_light(&scene);
     let walks = |streams| Walks { spp: 8, ..Walks::of_one_pixel(streams, Some(2)) };
-    for (rate, streams) in [(0.0, 100_000), (1.0, 40_000), (16.0, 4800)] {
+    for (rate, streams) in [(0.0, 200_000), (1.0, 40_000), (16.0, 4800)] {
         let plan = Even { n_cols: 1, rate, splits: 1 };
         let what = format!("{rate} picks of each column");
         walks(streams).assert_mean(&scene, &plan, &weights, (expected, 2.5e-3), &what);

@@ -86,7 +86,7 @@ fn a_large_sun_is_the_same_whether_walks_meet_it_or_connect_to_it() {
     let weights = file_light(&scene);
     let film = Film { width: 1, height: 1 };
     let walks = |spp, seed| Walks { film, streams: 400_000, spp, bounces: Some(1), seed };
-    let met = walks(8, 1).streams(&scene, &Even { n_cols: 1, rate: 0.0, splits: 1 }, &weights);
+    let met = walks(16, 1).streams(&scene, &Even { n_cols: 1, rate: 0.0, splits: 1 }, &weights);
     let by = |found: Vec<f64>, what: &str| assert_same_mean(&found, &met, 2.5e-3, what);
     by(walks(4, 2).streams(&scene, &Even { n_cols: 1, rate: 1.0, splits: 1 }, &weights), "one connection");
     let picture = PicturePlan::new(&scene.lighting, &[[weights[0]; 3]], scene.diameter());

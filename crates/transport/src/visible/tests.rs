@@ -177,7 +177,7 @@ fn direct_light_is_that_of_walks_which_end_at_the_first_surface() {
     let measured = lamp(shape, Vec3::new(0.3, 1.7, 0.2), 100.0, LampUnit::Lumen);
     let soft = FreeLamp { shape: LampShape::Directional { radius_rad: 0.15 }, ..shapes()[2].clone() };
     for lamp in shapes().into_iter().chain([FreeLamp { turn_rad: 0.5, ..measured }, soft]) {
-        compare(room, std::slice::from_ref(&lamp), 0, 128, &format!("{:?}", lamp.shape));
+        compare(room, std::slice::from_ref(&lamp), 0, 256, &format!("{:?}", lamp.shape));
     }
 }
 
@@ -197,7 +197,7 @@ fn direct_light_in_a_mirror_is_that_of_walks() {
         // The floor gets light off the mirror as well, which live pictures leave to others: only what the mirror shows
         // counts, and the walks may scatter once more there.
         let what = format!("mirror, {:?}", lamp.shape);
-        compare_by((WIDE, SIXTEEN), || metal_before_a_floor(0.0), &[lamp], (1, 256), &what);
+        compare_by((WIDE, SIXTEEN), || metal_before_a_floor(0.0), &[lamp], (1, 512), &what);
     }
 }
 
@@ -207,7 +207,7 @@ fn light_that_a_narrow_lobe_shows_is_that_of_walks() {
     for lamp in [&shapes()[0], &shapes()[3]] {
         let lamp = FreeLamp { aim: Vec3::new(0.0, 0.0, 1.0), position: Vec3::new(0.3, 1.6, 0.5), ..lamp.clone() };
         let what = format!("satin, {:?}", lamp.shape);
-        compare_by((WIDE, config), || metal_before_a_floor(0.35), &[lamp], (1, 256), &what);
+        compare_by((WIDE, config), || metal_before_a_floor(0.35), &[lamp], (1, 512), &what);
     }
 }
 
@@ -243,7 +243,7 @@ fn direct_light_behind_a_clear_pane_is_that_of_walks() {
     };
     for lamp in [&shapes()[0], &shapes()[3], &shapes()[5]] {
         let lamp = FreeLamp { position: Vec3::new(0.3, 2.6, 0.1), aim: Vec3::ZERO, ..lamp.clone() };
-        compare(glazed, std::slice::from_ref(&lamp), 0, 128, &format!("pane, {:?}", lamp.shape));
+        compare(glazed, std::slice::from_ref(&lamp), 0, 256, &format!("pane, {:?}", lamp.shape));
     }
 }
 
@@ -265,7 +265,7 @@ fn direct_light_through_a_solid_pane_is_that_of_walks() {
     };
     for lamp in shapes() {
         let lamp = FreeLamp { position: Vec3::new(0.3, 1.9, 0.2), aim: Vec3::ZERO, ..lamp };
-        compare(covered, std::slice::from_ref(&lamp), 2, 128, &format!("solid pane, {:?}", lamp.shape));
+        compare(covered, std::slice::from_ref(&lamp), 2, 256, &format!("solid pane, {:?}", lamp.shape));
     }
 }
 

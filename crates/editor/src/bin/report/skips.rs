@@ -160,13 +160,14 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## Work that is skipped\n\n\
          Bakes asked for {TOLERANCE_DB} dB with at most {spp} samples per pixel (told nothing, bakes ask for {} dB with at most {}, which would take far longer), indirect light traced, no preview: with all\n\
-         skips, with each one off alone, and with all off. What is found is told of one bake with all skips, of seed {}; figures of the tables are the median (least…greatest) of the seeds {}, all rows in turn with each of them: CPU seconds (user and system) of the whole process, and their ratio\n\
+         skips, with each one off alone{}, and with all off. What is found is told of one bake with all skips, of seed {}; figures of the tables are the median (least…greatest) of the seeds {}, all rows in turn with each of them: CPU seconds (user and system) of the whole process, and their ratio\n\
          within a turn. *Picture* holds the picture under the\n\
          light of the file against that with all skips and the same seed: 10·log10(pk² / mean Δ²), pk the 99.5 percentile. Where random numbers\n\
          differ it shows their noise, which the row with other seeds tells. *Single lights* (median) and *all lights* of the file are errors as in the section Error\n\
          against time, beside two references of {reference_spp} samples per pixel each, of pixels that are {step} apart, for which no work was left out. {}\n{tables}",
         usual.tolerance_db,
         usual.spp,
+        desk.choose(" (but in sponza20)", ""),
         SEEDS[0],
         listed(seeds(desk)),
         desk.load_words(),
