@@ -131,9 +131,11 @@ fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Consol
     let earlier = Earlier::find(&job, args, output, console)?;
     job.passes = from_now(job.passes, args.options.seconds);
     let (kept, restart) = (|| left_behind(output, restart(&args.options)), restart(&args.options));
+    // What a first look takes of memory is not among what a limit is held against.
+    let may_look = args.memory.is_none();
     let is_new = earlier.as_ref().is_none_or(|earlier| earlier.reuse.is_err())
         && (restart == Restart::Fresh || !archive::part_of(output).exists());
-    let first_look = is_new.then(|| first_look(&mut job)).flatten();
+    let first_look = (is_new && may_look).then(|| first_look(&mut job)).flatten();
     let (bake, times) = run_with_progress(console, &options, &kept, |on_event| {
         if let Some(look) = first_look
             && glimpse::run(look, job.film, &Focus::default(), &mut *on_event)?.is_none()

@@ -59,7 +59,10 @@ pub(super) fn forecast(job: &BakeJob, args: &BakeArgs, console: &mut Console) ->
     let n_threads = room.map_or(asked, |room| needs.threads_within(room, asked).unwrap_or(1));
     let interrupt = console.interrupt.heeded()?;
     let tried = interrupt.watched(&ProgressBar::hidden(), &nothing_kept, || {
-        on_threads(u16::try_from(n_threads).ok(), || estimated(job.clone()))
+        on_threads(u16::try_from(n_threads).ok(), || match args.memory {
+            Some(_) => job.estimate(BUDGET, &Focus::default()),
+            None => estimated(job.clone()),
+        })
     });
     let estimate = tried?.context("cannot estimate the bake")?.ok_or_else(|| interrupt.stopped(nothing_kept()))?;
     Ok(Forecast { estimate, n_threads, held_bytes, peak_bytes: peak_bytes().unwrap_or(0) })

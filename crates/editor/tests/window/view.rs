@@ -433,7 +433,7 @@ fn the_cameras_of_the_file_are_listed_and_the_room_is_seen_from_the_one_that_is_
 }
 
 #[test]
-fn another_view_can_be_looked_at_while_one_is_baked_larger() {
+fn another_view_can_be_looked_at_while_one_is_baked() {
     let mut window = baked_larger();
     let first = shown_camera(&window);
     turn_camera(&mut window);
